@@ -53,7 +53,7 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
 
 
 Rows = tuple[Sequence[str], list[list[str]]]
-"""Header and rows of a table; the page uses the same."""
+"""Header and rows of a table; the page uses the same tables."""
 
 
 def point_table(result: dict[str, Any]) -> Rows:

@@ -105,7 +105,7 @@ def other_machine(new: dict[str, Any], old: dict[str, Any]) -> list[str]:
 
 
 def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
-    """Rows for entries of both runs: problem, setting, errors, evaluations, times, and the ratio of times, new over old."""
+    """Rows for entries that both runs contain: problem, setting, errors, evaluations, times, and ratio of times, new over old."""
     before = {key: (error, evaluations, seconds) for key, error, evaluations, seconds in figures(old)}
     rows = []
     for key, error, evaluations, seconds in figures(new):

@@ -24,8 +24,8 @@ class LoadCases(OfVariables):
     Parameters
     ----------
     objectives : sequence of Objective
-        One for each case, all of the same variables with the same bounds and scales. A search begins at the start of
-        the first one.
+        One objective for each case, all of the same variables with the same bounds and scales. A search begins at the
+        start of the first objective.
     weights : array_like (n,), optional
         Weights of the cases in the sum. Left out: 1.
     threads : int, optional
@@ -36,7 +36,7 @@ class LoadCases(OfVariables):
     cases : tuple of Objective
         The cases.
     weights : ndarray (n,)
-        Their weights.
+        Weights of the cases.
 
     Raises
     ------

@@ -25,7 +25,7 @@ DAMAGE = (ValueError, RecursionError, TypeError, KeyError)
 
 
 class SweepJournalError(ValueError):
-    """A file that is not a journal, belongs to another sweep, or is being written by one."""
+    """Raised for a file that is not a journal, belongs to another sweep, or is being written by another sweep."""
 
 
 class Row(NamedTuple):

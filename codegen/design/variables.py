@@ -255,8 +255,8 @@ class Variables:
     def _derivatives(
         self, q: Array, u: Array, p: Array, begin: tuple[Array, float], given_q: Iterable[str], given_u: Iterable[str]
     ) -> dict[str, Array]:
-        """Derivatives of the initial state with respect to the variables, (n, nq) and (n, nu), including those of the model's
-        formulas."""
+        """Derivatives of the initial state with respect to the variables, (n, nq) and (n, nu), including derivatives
+        of the model's formulas."""
         solver, n = self.solver, len(self)
         dq, du, dp = np.zeros((n, solver.nq)), np.zeros((n, solver.nu)), np.zeros((n, solver.np))
         for i, (kind, at, _) in enumerate(self._places):
@@ -297,7 +297,7 @@ class Variables:
             raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
 
     def _value(self, place: Entry) -> float:
-        """Value in the given motion."""
+        """Value of a variable in the given motion."""
         if place.of == "inputs":
             return self._inputs.value(place.at, place.row or 0)
         return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])

@@ -77,7 +77,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
     root : Element
     path : path
     files : Files
-        Which other files may be read.
+        The files that may be read.
     key : str, optional
         The initial keyframe; the first one if omitted, none for ``""``.
 
@@ -375,7 +375,7 @@ class _Reader:
             self.robot.couplings.append(Coupling(name, place, own, of, float(data[1]), float(data[0]), unreadable))
 
     def begin(self) -> None:
-        """Set the initial state to that of a keyframe."""
+        """Set the initial state to the state of a keyframe."""
         model, count = self.model, int(self.model.nkey)
         names = [model.key(i).name for i in range(count)]
         if self.key == "" or (self.key is None and not count):

@@ -42,7 +42,7 @@ class MjcfFiles:
     ----------
     root : Element
     files : Files
-        Which files may be read.
+        The files that may be read.
 
     Raises
     ------
@@ -120,7 +120,7 @@ class MjcfFiles:
         return found
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """All elements with one of these tags."""
+        """All elements with one of some tags."""
         return (element for element in self.every() if element.tag in tags)
 
     def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:

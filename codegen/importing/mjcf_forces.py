@@ -308,7 +308,7 @@ class PassiveForces:
             self.act(f"{named}{end}", length, damper_law(damping, dampers, length.rate), 1.0)
 
     def rotor(self, length: Length | None, armature: float, what: str, place: Place) -> None:
-        """Add a rotor's inertia along a length; possible if the length is that of one joint."""
+        """Add a rotor's inertia along a length, which must depend on one joint only."""
         if length is None or len(length.factors) != 1:
             self.robot.leave_out(what, place, Effect.DIFFERS, "it couples the inertias of several joints")
             return

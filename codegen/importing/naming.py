@@ -51,7 +51,7 @@ def names_for(texts: Iterable[str]) -> dict[str, str]:
 
 
 def free_name(wanted: str, used: Iterable[str]) -> str:
-    """The name, or the first of NAME_2, NAME_3, ... that is not used."""
+    """NAME, or the first of NAME_2, NAME_3, ... that is not used."""
     taken = used if isinstance(used, AbstractSet) else set(used)
     name, k = wanted, 1
     while name in taken:

@@ -86,7 +86,7 @@ class _Reader:
         return self.robot
 
     def bodies(self) -> dict[int, str]:
-        """Names of bodies whose frames are those of joints."""
+        """Names of bodies whose frames coincide with frames of joints."""
         found: dict[int, str] = {}
         for frame in self.model.frames:
             if _is_body(frame) and _placement(frame.placement).is_identity:

@@ -181,11 +181,11 @@ class RobotJoint:
     frame : Placement
         Frame of the joint in the parent.
     axes : tuple of three float
-        One axis, the two of a universal joint, or none.
+        One axis, the two axes of a universal joint, or none.
     pitch : float
         Pitch of a screw joint, m/rad.
     laws : tuple of Law
-        One for all degrees of freedom, one for each, or none.
+        One law for all degrees of freedom, one for each, or none.
     armature : tuple of float
         Reflected rotor inertia, kg m^2 or kg: one for each degree of freedom, one for a ball joint, or none.
     start : tuple of float
@@ -441,7 +441,7 @@ class Robot:
         return sorted(self.left_out.values(), key=lambda entry: order.index(entry.effect))
 
     def give_armature(self, joint: RobotJoint, of_speeds: Sequence[float], at: Place | None = None) -> None:
-        """Set the reflected rotor inertias of a joint, one for each speed; record those that the model format lacks."""
+        """Set the reflected rotor inertias of a joint, one for each speed; record inertias that the model format lacks."""
         count = len(JOINTS[joint.type].armature_units())
         of_speeds = tuple(float(a) for a in of_speeds)
         if not any(of_speeds):
@@ -473,7 +473,7 @@ class Robot:
 
 
 def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
-    """The symmetric matrix with these six entries."""
+    """The symmetric matrix with six given entries."""
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 

@@ -83,7 +83,7 @@ class Choice:
         return found
 
     def joints(self, read: Sequence[Scope]) -> Iterator[tuple[Scope, Item]]:
-        """The joints inside the scopes that are read, and those outside that connect to them."""
+        """The joints inside the scopes that are read, and the outside joints that connect to these scopes."""
         found = set(read)
         for scope, item, ends in self._joints:
             # a joint with unknown links is wrong; reading it reports the error

@@ -36,7 +36,7 @@ class SdfJoint:
     Attributes
     ----------
     name : str
-        Its name, with the names of the models that contain it.
+        The joint's name, with the names of the models that contain the joint.
     scope : Scope
         The scope of its name.
     item : Item

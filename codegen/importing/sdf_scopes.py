@@ -34,11 +34,11 @@ class Scope:
     name : str
     element : Element
     version : tuple of int
-        Version of the file that contains it.
+        Version of the file that contains the element.
     parent : Scope or None
-        Scope that contains its name; None for a world, and for a model outside worlds.
+        Scope that contains the name; None for a world, and for a model outside worlds.
     home : Scope or None
-        Scope to whose frame its pose is relative: the parent, or a model merged into it.
+        Scope to whose frame the pose is relative: the parent, or a model merged into the parent.
     pose : Element or None
     placement_frame : str
         The frame of the model that is at the pose.
@@ -162,7 +162,7 @@ class Scopes:
                     names.items[name] = Item(name, child, home)
 
     def new_name(self, element: Element, scope: Scope, given: str | None = None) -> str | None:
-        """A name that is new in the scope; None after an error."""
+        """The name of an element if it is new in the scope; None after an error."""
         name = (given if given is not None else element.attributes.get("name", "")).strip()
         if not name:
             self.wrong(element, f'<{element.tag}> has no name; name="..." is needed')

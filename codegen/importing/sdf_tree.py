@@ -33,7 +33,7 @@ class TreeMaker:
     Parameters
     ----------
     reader : RobotReader
-        Its robot receives joints, loops and gears.
+        The reader's robot receives joints, loops and gears.
     frames : Frames
     base : Scope
         Scope whose frame is the reference of all poses.

@@ -35,7 +35,7 @@ def rotation_keys(turned: Any, text: Callable[[Any], str]) -> dict[str, Any]:
 
 
 def _angle(sine: Any, cosine: Any) -> Any:
-    """The angle with this sine and cosine, or with positive multiples of both."""
+    """The angle of a given sine and cosine, or of positive multiples of both."""
     import sympy
 
     if isinstance(cosine, sympy.cos) and sine in (sympy.sin(cosine.args[0]), -sympy.sin(cosine.args[0])):

@@ -13,7 +13,7 @@ WIDTH: Final = 118
 
 
 def number(value: float) -> str:
-    """The shortest text that is read as the same number; integers without a point."""
+    """The shortest text of a number that is read without rounding; integers have no point."""
     if value == 0:
         return "0"
     if abs(value) < 1e15 and value == int(value):

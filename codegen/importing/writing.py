@@ -327,7 +327,7 @@ def shape_of(body: ImportedBody) -> str | None:
 
 
 def _agrees(solid: Solid, mass: float, com: Three, matrix: Any) -> bool:
-    """Whether the homogeneous solid of this mass has these mass properties."""
+    """Whether a homogeneous solid with the body's mass has the body's mass properties."""
     if solid.type not in SHAPES or min(solid.sizes) <= 0 or (solid.type == "box" and _box_axes(solid.frame) is None):
         return False
     own = mass * np.diag(moments(solid))

@@ -61,11 +61,11 @@ class Element:
     text: str = ""
 
     def all(self, *tags: str) -> Iterator[Element]:
-        """The children with one of these tags."""
+        """The children with one of some tags."""
         return (c for c in self.children if c.tag in tags)
 
     def first(self, tag: str) -> Element | None:
-        """The first child with this tag."""
+        """The first child with a tag."""
         return next(self.all(tag), None)
 
     def problem(self, message: str, severity: str = "error") -> Problem:

@@ -1,4 +1,4 @@
-"""Numbers and names in XML attributes and text, with their errors, and what the URDF and SDF readers share."""
+"""Numbers and names in XML attributes and text, with their errors, and the common base of the URDF and SDF readers."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Values:
         return tuple(default) if found is None else found
 
     def angles(self, values: Sequence[float]) -> tuple[float, ...]:
-        """Angles; with `exact_angles`, those close to multiples of pi/12 become exact."""
+        """Angles; with `exact_angles`, angles close to multiples of pi/12 become exact."""
         return tuple(pi_multiple(cut_twelfths(v)) or v for v in values) if self.exact_angles else tuple(values)
 
     def number(self, element: Element, key: str, default: float | None = 0.0) -> float:

@@ -272,7 +272,7 @@ def _with_neighbours(
     outcome: Outcome,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:
-    """Close the last of some loops together with loops that share joints with it, adding more and more of them.
+    """Close the last of some loops together with loops that share joints with it, adding more and more loops.
 
     Held coordinates move only if nothing else helps. `ring` and `outcome` are those of the loop by itself; `open_` is as in
     `first_assembly`.

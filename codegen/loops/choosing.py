@@ -22,7 +22,7 @@ POOR_HINTS = 100.0
 """A warning is issued if the condition number of a choice with the model's hints exceeds that of pivoting by this factor."""
 
 ELSEWHERE = 2
-"""Number of configurations far from the initial one that are returned."""
+"""Number of configurations in `Choice.elsewhere`."""
 
 SEED = 19900117
 """Seed of the random states, the same for every component."""

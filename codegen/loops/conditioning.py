@@ -122,7 +122,7 @@ class Conditioning:
         return result
 
     def better(self, drafts: list[Draft]) -> tuple[list[Draft], Comparison]:
-        """A choice that is clearly better than the given one, or the given one."""
+        """A choice that is clearly better than the given choice; the given choice if there is none."""
         given = best = self.compare(drafts)
         if not given.is_poor:
             return drafts, given
@@ -162,7 +162,7 @@ class Conditioning:
             yield other
 
     def _better_conditioned(self, drafts: list[Draft]) -> Iterator[list[Draft]]:
-        """Choices that may be better conditioned; first those whose ears close one after the other."""
+        """Choices that may be better conditioned; choices whose ears close one after the other come first."""
         best = drafts
         for dividing in (False, True):
             other = self._arranged(self.held, dividing)
@@ -198,7 +198,7 @@ class Conditioning:
         return [self.speeds[chosen[i]] for i in np.argsort(-size, kind="stable")[:BRANCHES]]
 
     def _arranged(self, held: set[int], dividing: bool) -> list[Draft] | None:
-        """Ears with these independents, chosen at several configurations; None if no order has full rank."""
+        """Ears in which the speeds `held` are independent, chosen at several configurations; None if no order has full rank."""
         sweep = Sweep(self.geometry, self.q[self.serving], held, np.random.default_rng(self.seed))
         sweep.dividing = sweep.dividing_for_condition = dividing
         try:

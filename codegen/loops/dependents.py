@@ -32,10 +32,10 @@ MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of valid combinations that are compared."""
+"""Number of combinations that span the range of A and are compared."""
 
 MAX_DIVIDED = 6
-"""Number of rotations or displacements that are tried as the only divided one."""
+"""Number of rotations or displacements of which each is tried as the only divided group."""
 
 
 def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
@@ -80,7 +80,7 @@ def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tupl
 
 
 def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int, ...]]]:
-    """Ways to divide the quaternion joints among these columns, the fewest divisions first.
+    """Ways to divide the quaternion joints among some columns, the fewest divisions first.
 
     First, rotations and displacements of free joints are separated. Then one such group is divided into single columns, those
     near the cut first. Last, all groups are divided.
@@ -153,7 +153,7 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
 
 
 def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
-    """Sets of joints to take as a whole; the smallest first, then those near the cut."""
+    """Sets of joints to take as a whole, the smallest first; among sets of equal size, those near the cut first."""
     for count in range(len(several) + 1):
         if count and count * min(map(len, several)) > rank:
             return
@@ -180,7 +180,7 @@ def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: fl
 
 
 def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window: int, threshold: float) -> list[int]:
-    """The columns `taken` and those that one elimination adds; the module's docstring explains the pivots."""
+    """The columns `taken` and the columns that one elimination adds; the module's docstring explains the pivots."""
     chosen = list(taken)
     rest = A[..., single].copy()
     basis: list[Array] = []

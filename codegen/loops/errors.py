@@ -40,7 +40,7 @@ class AssemblyError(ValueError):
     loop : str
         Name of the loop that is furthest from closure.
     residual : float
-        Its largest scaled residual.
+        Largest scaled residual of this loop.
     """
 
     def __init__(self, message: str, loop: str = "", residual: float = float("nan")) -> None:

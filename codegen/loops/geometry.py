@@ -297,7 +297,7 @@ class Geometry:
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
 
     def turn_round(self, loops: Collection[int]) -> None:
-        """Express the conditions of some loops along the axes of the other face."""
+        """Express the conditions of some loops along the axes of the ``to`` face."""
         kept, self.model = self.kept, self.model.with_turned(loops)
         self._cycles.clear()
         self._loops()

@@ -93,7 +93,7 @@ class NearbyStates:
         return float(np.mean(_largest(rows) < NEARLY_CLOSED))
 
     def put(self, q: Array) -> Array:
-        """Configurations with these joints' coordinates set to ends of the walks, with the loops closed as well as possible."""
+        """Configurations with the joints of the loops at ends of the walks, and the loops closed as well as possible."""
         moved = sorted({i for s in self.speeds for i in range(*self.geometry.moved[s].indices(q.shape[1]))})
         far = np.argsort(-np.max(np.abs(self.q - self.q[0]), axis=1), kind="stable")[: len(q)]
         far = np.resize(far, len(q))
@@ -161,6 +161,6 @@ def _least(E: Array, right: Array) -> Array:
 
 
 def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
-    """Groups of bodies that no moving joint of these loops separates."""
+    """Groups of bodies that no moving joint of some loops separates."""
     moving = geometry.passed(i for loops in components for i in loops)
     return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])

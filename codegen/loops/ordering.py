@@ -112,9 +112,9 @@ class Sweep:
     dividing : bool
         Whether single speeds of quaternion joints may be dependent.
     would_divide : bool
-        Whether dividing them would have helped.
+        Whether dividing quaternion joints would have helped.
     dividing_for_condition : bool
-        Whether they may also be dependent where whole joints suffice, if the condition number improves.
+        Whether quaternion joints are also divided where whole joints suffice, if the condition number improves.
     """
 
     def __init__(self, geometry: Geometry, q: Array, held: set[int], random: np.random.Generator) -> None:
@@ -143,9 +143,9 @@ class Sweep:
     def growth(self) -> Array:
         """Growth ``(nu,)`` of every speed in the random motions of the last run.
 
-        It is the root mean square at the first configuration, displacements per characteristic length. Independent speeds
-        have about one. A dependent speed has the norm of its row of Y in ``x = Y s``, the factor by which errors may grow
-        along the ears. It is cheap for any number of loops.
+        The growth is the root mean square at the first configuration, displacements per characteristic length. It is about
+        one for independent speeds. For a dependent speed it is the norm of its row of Y in ``x = Y s``, the factor by which
+        errors may grow along the ears. It is cheap to compute for any number of loops.
         """
         rms: Array = np.sqrt(np.mean(self.motion.u[0] ** 2, axis=1)) / self.unit
         return rms

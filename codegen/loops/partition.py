@@ -47,7 +47,7 @@ OTHERS = 3
 """Number of further configurations at which redundant conditions are examined."""
 
 PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
-"""Distances, rad and characteristic lengths, at which these configurations are searched for until `OTHERS` are found. The first
+"""Distances, rad and characteristic lengths, at which further configurations are searched for until `OTHERS` are found. The first
 distances are large, because nearby configurations may all be special."""
 
 SEED = 20030617

@@ -31,7 +31,7 @@ class Groups:
         self.link = list(range(geometry.ground + 1))
 
     def join(self, bodies: Iterable[int]) -> None:
-        """Mark the joints of these bodies as known."""
+        """Mark the joints of some bodies as known."""
         for k in bodies:
             self.link[k] = self.geometry.parent[k]
 
@@ -127,7 +127,7 @@ class TwistGroups(Groups):
         self.w[k] += self.w[via]
 
     def found(self, bodies: Iterable[int], u: Array) -> None:
-        """Mark the joints of these bodies as known, with their speeds ``(S, nu, K)``."""
+        """Mark the joints of some bodies as known, with their speeds ``(S, nu, K)``."""
         for k in bodies:
             if speeds := self.geometry.speeds[k]:
                 s = slice(speeds.start, speeds.stop)

@@ -185,7 +185,7 @@ class VelocityClosure:
         return float(np.max(np.linalg.norm(self._cuts.point, axis=-1))) / self._length
 
     def possible(self) -> int:
-        """Number of conditions that motions of this kind can violate: for planar motions only those in the plane."""
+        """Number of conditions that the joints' motions can violate: for planar motions only conditions in the plane."""
         cuts = self._cuts
         total = len(cuts.couplings)
         for j, passing in enumerate(self._passing):
@@ -205,7 +205,7 @@ class VelocityClosure:
 
 
 def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
-    """Whether these loops are a single coupling, in which every coordinate is an equally good dependent."""
+    """Whether some loops are a single coupling, in which every coordinate is an equally good dependent."""
     return len(loops) == 1 and loops[0] in geometry.couplings
 
 

@@ -193,7 +193,7 @@ class Arguments(ABC):
         return udot
 
     def _of_speeds(self, name: str, value: Any, seed: Any, pairs: Pairs) -> Pair:
-        """An argument for the free speeds, (nu, 1), with zeros for the others."""
+        """An argument for the free speeds, (nu, 1), with zeros for prescribed speeds."""
         part = self._pair(name, value, self.given.nu, seed, pairs.k)
         whole = pairs.zeros(self.model.nu, 1)
         whole[self.free_u] = part
@@ -206,7 +206,7 @@ class Arguments(ABC):
     # --- closed loops ---------------------------------------------------------------------------------------------
 
     def _completed(self, state: State) -> State:
-        """Dependent speeds and seeds from closure; values passed for them are ignored."""
+        """Dependent speeds and seeds from closure; values that the caller passes for these are ignored."""
         model, dependent = self.model, self.dependent
         q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
         q.tangent[:, self.dependent_coordinates] *= 0
@@ -245,7 +245,7 @@ class Arguments(ABC):
         return kept
 
     def _check_redundant(self, state: State) -> None:
-        """Warn if conditions beyond the rank do not hold: no derivative exists along a direction that violates them."""
+        """Warn if conditions beyond the rank do not hold: no derivative exists along a direction that violates conditions."""
         position, velocity = self._closure(state)
         names, seeds = self.model.closure_names, [x.tangent for x in state.pairs.environment.values()]
         allowed = np.full(len(names), INCONSISTENT)

@@ -328,7 +328,7 @@ def closed_motion(
     own: Sequence[Pair],
     of_faces: Sequence[Pair],
 ) -> Pair:
-    """The dependent speeds (or displacements, in the sense of speeds) that close all loops, (nu, 1); others are zero.
+    """The dependent speeds (or displacements, in the sense of speeds) that close all loops, (nu, 1); independent ones are zero.
 
     Parameters
     ----------

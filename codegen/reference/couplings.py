@@ -52,7 +52,7 @@ class CoupledCut:
     Attributes
     ----------
     kept : array of int
-        Its condition.
+        Index of the coupling's condition.
     """
 
     def __init__(self, pairs: Pairs, model: Model, loop: Coupling, bodies: Sequence[Terms]) -> None:
@@ -107,7 +107,7 @@ class CoupledCut:
 
 
 def coordinate_row(pairs: Pairs, P: Pair, index: int) -> Pair:
-    """p, (1, 6), with ``p P`` one for a coordinate and zero for the joint's others, from its partial velocities P (6, f)."""
+    """p, (1, 6), with ``p P`` one for a coordinate and zero for the joint's other ones; P (6, f) are partial velocities."""
     G, unit = P.mT @ P, np.eye(P.value.shape[1], dtype=int)[:, [index]]
     y: Array = pairs.arithmetic.solve(G.value, pairs.arithmetic.array(unit))
     columns = [pairs.arithmetic.solve(G.value, -dG @ y) for dG in G.tangent]

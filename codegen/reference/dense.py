@@ -41,8 +41,8 @@ from .outputs import Moving
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
-"""A condition that differs from every combination of the others by more than this fraction of the largest entry is
-independent."""
+"""A condition is independent if it differs from every combination of the other conditions by more than this fraction of the
+largest entry."""
 
 
 class DenseEngine(Engine):
@@ -165,7 +165,7 @@ class DenseEngine(Engine):
     def joint_reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """Return the moment and force that the joint of each body exerts on it.
 
-        They follow from the motion of all outboard bodies and the other forces on these.
+        The reactions follow from the motion of all outboard bodies and the other forces on these bodies.
 
         Parameters
         ----------

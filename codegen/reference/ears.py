@@ -110,7 +110,7 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
 
 
 def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> dict[int, set[int]]:
-    """For each group, the other bodies on which it depends."""
+    """For each group, the other bodies on which the group depends."""
     ends: dict[int, set[int]] = {together.find(k): set() for k in model.outward}
     for k in model.outward:
         ends[together.find(k)].add(model.bodies[k].parent)

@@ -144,7 +144,7 @@ class _Inward:
             tau = self.bodies[j].tau
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
-        # rotors act on the speeds of their joints: Y^T a Y of the dependent ones with remainders, and a of the others
+        # rotors act on the speeds of their joints: Y^T a Y of dependent speeds with remainders, a of independent speeds
         of_dependent, of_independent = (
             pairs.diagonal(self.rotors[np.array(of, dtype=int)]) for of in (group.dependent, group.independent)
         )

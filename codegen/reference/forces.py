@@ -102,7 +102,7 @@ class JointForceLaw(Law[JointForce]):
 
 
 class JointLoadLaw(Law[JointLoad]):
-    """A force through the origin of the body and a torque; the opposite wrench, about the same place, on the parent."""
+    """A force through the origin of the body and a torque; the opposite wrench, about the body's origin, on the parent."""
 
     def wrenches(self, element: JointLoad, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         body, joint = ends
@@ -170,7 +170,7 @@ class AlongLineLaw(Law[AlongLine]):
 
 
 class ForceLaw(Law[Force]):
-    """The components of the force; those along body axes are rotated to the ground frame."""
+    """The components of the force; components along body axes are rotated to the ground frame."""
 
     def wrenches(self, element: Force, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         f = pairs.vector(element.value)
@@ -178,7 +178,7 @@ class ForceLaw(Law[Force]):
 
 
 class TorqueLaw(Law[Torque]):
-    """The components of the torque; those along body axes are rotated to the ground frame."""
+    """The components of the torque; components along body axes are rotated to the ground frame."""
 
     def wrenches(self, element: Torque, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         n = pairs.vector(element.value)

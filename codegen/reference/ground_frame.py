@@ -141,8 +141,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
 
 
 def attitudes(pairs: Pairs, joint: Joint, q: Pair, A: Pair) -> list[Pair]:
-    """Rotation matrices from the components at the start of each motion of a joint to those given by A (3, 3); last, the
-    child's."""
+    """A (3, 3) times the rotations of a joint's first n motions, for n = 0, 1, ...; the last matrix maps child components."""
     Rs = [A]
     for m in joint.kind.motion:
         match m:

@@ -198,7 +198,7 @@ class RecursiveEngine(Engine):
             remainder = pairs.block([[Ox @ v[:3]], [Ox @ Ox @ gamma + Ox @ (v[3:] + v[3:]) + wx @ v[3:]]]) + Pdot_u
             A_t = S.mT @ pr.A_t + remainder + P @ given[u_rows]  # Eqs. 21 and 26; `given`: prescribed accelerations
 
-            # Generalised force: Eq. 24 with the gyroscopic minus, Eq. 27 the same.
+            # Generalised force: Eqs. 24 and 27, with a minus sign for the gyroscopic moment.
             N_C = pr.N_C @ C
             gyroscopic = pairs.skew(V[:3]) @ I[:3, :3] @ V[:3]
             F = pairs.block([[-gyroscopic], [I[3:, 3:] @ N_C.mT @ gravity]]) - I @ A_t
@@ -242,7 +242,7 @@ class RecursiveEngine(Engine):
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
     def _displacements(self, state: State) -> Array:
-        """Dependent displacements that close the loops, given those due to parameters and independent seeds.
+        """Dependent displacements that close the loops, given the displacements due to parameters and independent seeds.
 
         With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies. The displacement of a
         body relative to its parent is its own part.

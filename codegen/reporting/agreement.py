@@ -19,7 +19,7 @@ the lower end of its range is reduced by `slowed`."""
 
 MOST_SLOWED = 2.0
 """Exponent: code that shares its core with other processes loses up to the square of what the fixed work loses. On two AVX2
-cores of a virtual machine, fixed work took 1.6 times as long. Most functions did, too; long code and long arrays took up to
+cores of a virtual machine, fixed work took 1.6 times as long. So did most functions; long code and long arrays took up to
 2.5 times as long."""
 
 DIGITS = 1e-9
@@ -142,7 +142,7 @@ class Beside:
 
 
 def slowed(beside: Beside, other: Beside) -> float:
-    """Ratio by which times may be longer than in another run, from the fixed work of both."""
+    """Ratio by which times may be longer than in another run, from the times of the fixed work in both runs."""
     return beside.slower(other) ** MOST_SLOWED
 
 
@@ -159,7 +159,7 @@ def _first(lines: list[str], most: int) -> list[str]:
 
 
 def _different(place: str, a: Any, b: Any) -> Iterator[str]:
-    """Entries that differ, by their place."""
+    """Entries that differ, each with its place in the report."""
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         for key in dict.fromkeys([*a, *b]):
             if key in MEASURED:
@@ -185,7 +185,7 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
-    """Differences of errors at states and directions in both reports; how many there are depends on the time of the reference."""
+    """Differences of errors at states and directions in both reports; the time of the reference limits their number."""
     a, b = ({e["state"]: e for e in x.get("errors") or []} for x in (one, other))
     for state in (s for s in a if s in b):
         for key in (k for k in a[state] if k in b[state]):

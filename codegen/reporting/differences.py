@@ -1,4 +1,4 @@
-"""The error of finite differences against their step, beside that of the exact derivative."""
+"""The error of finite differences against their step, beside the error of the exact derivative."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def differences(
 def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[str, Any], float] | None:
     """The quantity to change: its name, seed and size; None if udot depends on nothing.
 
-    It is the first parameter, independent coordinate or speed on which udot depends nonlinearly, parameters first. If there is
-    none, it is the first with a non-zero derivative.
+    The quantity is the first parameter, independent coordinate or speed on which udot depends nonlinearly, parameters first. If
+    there is none, it is the first quantity with a non-zero derivative.
     """
     kinds = [
         ("dp", model.parameter_names, list(zip(model.parameter_names, np.abs(solver.parameters).tolist(), strict=True))),

@@ -1,4 +1,4 @@
-"""Errors of the generated solver against the generic engine in extended precision, at the same double-precision states."""
+"""Errors of the generated solver against the generic engine in extended precision, both at the same states in double precision."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ bodies:
     joint: {type: revolute, axis: x, at: [0, 0, -length]}
     shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
 """
-"""A small model on which the reference is timed with both kinds of numbers."""
+"""A small model on which the reference is timed in extended precision and in doubles."""
 
 Exact = Any
 """Numbers of the reference, (nu,), in mpmath."""

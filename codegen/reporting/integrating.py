@@ -26,7 +26,7 @@ COSTLIEST = 5e8
 limit counts operations instead of seconds, so another run of the same report computes the same motions."""
 
 PROBED, ALLOWED = 90, 12
-"""Multiples of `COSTLIEST` allowed for the first motion, which determines the final time, and for the others."""
+"""Multiples of `COSTLIEST` allowed for the first motion, which determines the final time, and for all other motions."""
 
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps for the method with constant steps."""

@@ -58,10 +58,10 @@ EXACT = 1e-11
 """Below this error a motion is exact except for rounding; any other method errs by more at its loosest tolerance."""
 
 FACTORS = 20
-"""Least number of factorisations of an implicit method; if they cost too much, it is left out."""
+"""Least number of factorisations of an implicit method; if they cost too much, the method is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
-"""Number of settings of a diagram."""
+"""Number of all settings of a diagram."""
 
 LONGEST = 0.75 * COSTLIEST
 """Most operations of a motion at a tolerance of 1e-6; a longer one gets an earlier final time."""

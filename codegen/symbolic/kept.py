@@ -111,7 +111,7 @@ class Names:
         }  # fmt: skip
 
     def of_kind(self, kind: Kind, sweep: str, store: Store, component: str) -> sympy.Expr:
-        """The symbol of a component in the block of a kind; if the kind has one member, arguments have their names."""
+        """The symbol of a component in a kind's block; if the kind has one member, arguments have their names in the model."""
         if len(kind.members) == 1 and store is CONSTANTS and isinstance(kind, LinkKind):
             return constant(store.label, component, self.system.constants_of[kind.members[0]])
         if len(kind.members) > 1 or store.memory not in (*COORDINATES, *SPEEDS, PER_PARAMETER_LANE, TRIG.memory):
@@ -138,7 +138,7 @@ class Names:
         return "" if own else store.owner.name
 
     def _trigonometric(self, place: int, component: str) -> sympy.Expr | None:
-        """Sine or cosine of an angle that is a coordinate, by its place among sines and cosines."""
+        """Sine or cosine of an angle that is a coordinate, by the angle's place in the layout."""
         if component not in ("sin", "cos") or place >= len(self.layout.angles):
             return None
         angle = symbol(f"q.{self.model.coordinate_names[self.layout.angles[place]]}")
@@ -146,7 +146,7 @@ class Names:
         return found
 
     def of_formula(self, formula: Formula, store: Store, component: str) -> sympy.Expr:
-        """The symbol of a component in a formula; if no other formula has its form, entries have their names."""
+        """The symbol of a component in a formula; entries have their names in the model if no other formula has the same form."""
         if len(formula.rows) != 1 or not component.isdigit():
             return kept(store, component)
         target, _, places, numbers = formula.rows[0]

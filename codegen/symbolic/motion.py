@@ -25,7 +25,7 @@ FORMS = ("tree", "multipliers", "embedded")
 """Forms of the equations: of models without loops; of models with loops, with multipliers or in the independent speeds."""
 
 MOST_PRODUCTS = 600_000
-"""Equations that take more products of terms are computed only if forced."""
+"""Largest number of products of terms for equations that are computed without `force`."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Equations:
     independent : tuple of Symbol
         The speeds whose accelerations M multiplies: all of them, but for the embedded form.
     parameters : tuple of Symbol
-        Those that are symbols still.
+        The parameters that are symbols.
     inputs : tuple of Symbol
     qdot : sympy.Matrix
         Time derivatives of the coordinates, (nq, 1).
@@ -259,7 +259,7 @@ def _evaluation(
             if len(value) != len(symbols):
                 raise SymbolicError(f"{name} has {len(value)} entries, expected {len(symbols)}")
             numbers += list(value)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the other cases of case distinctions
+        with np.errstate(divide="ignore", invalid="ignore"):  # unused branches of piecewise expressions
             entries = computed(*numbers, t)
         return {
             name: np.array(x, dtype=float).reshape(shape)

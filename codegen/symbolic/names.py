@@ -59,7 +59,7 @@ def latex_word(text: str) -> str:
 
 
 def unused_prefix(letter: str, names: Iterable[str]) -> str:
-    """The letter, repeated until no name is this prefix and a number."""
+    """A prefix: the letter, repeated until no name consists of the prefix and a number."""
     prefix, known = letter, list(names)
     while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in known):
         prefix += letter

@@ -105,7 +105,7 @@ def _said(sweep: SweepOfUnits) -> str:
 
 
 def _unit(unit: Unit) -> list[str]:
-    """The statements of a unit, with the names of all that share them."""
+    """The statements of a unit, with the names of all links or elements that share these statements."""
     printer = MathML(partial(mathml_symbol, unit))
     body = [f"<h3>{escape(unit.what)}: {escape(', '.join(unit.members))}</h3>"]
     for a in unit.assignments:

@@ -26,7 +26,7 @@ Terms = dict[Monomial, Rational]
 """Monomials with their factors. Whole numbers are ints, which are faster than fractions."""
 
 DENOMINATOR, OF_PI = 100_000, 1000
-"""Largest denominators of the fraction, or multiple of pi, for which a float that is not a short decimal stands."""
+"""Largest denominators of fractions, and of multiples of pi, that replace floats that are not short decimals."""
 
 SHORT = 15
 """A float with at least this many digits is not a short decimal."""

@@ -239,7 +239,7 @@ def _planned(
 
 
 class _Reader:
-    """Numbers and converts the statements of a plan; of formulas with targets that are `backwards` the transposes too."""
+    """Numbers and converts the statements of a plan, and the transposes of formulas whose targets are in `backwards`."""
 
     def __init__(self, system: System, plan: Plan, backwards: set[str]) -> None:
         self.system, self.plan, self.backwards = system, plan, backwards
@@ -340,7 +340,7 @@ class _Reader:
 
 
 def _part_of_formula(block: Block) -> str:
-    """The description of a block of formulas, like that of a sweep."""
+    """The name of a block of formulas, used like the name of a sweep."""
     return "formula_transposed" if block.name.endswith("_transposed") else "formula"
 
 
@@ -359,7 +359,7 @@ class _Converter:
     Parameters
     ----------
     known : dict of str to sympy.Symbol
-        For names that are read, what they are; all others are local variables.
+        Symbols of the names that are read; all other names are local variables.
     """
 
     def __init__(self, known: dict[str, sympy.Symbol]) -> None:
@@ -388,6 +388,6 @@ FUNCTIONS: dict[str, Callable[..., sympy.Expr]] = {
     "Choice": lambda c, a, b: sympy.Piecewise((a, sympy.Ne(c, 0)), (b, True)),
     "Vanishing": lambda a, b: a * b, "Along": lambda a, b: a * b, "Power": sympy.Pow, "Floor": sympy.floor,
 }  # fmt: skip
-"""Functions of statements as sympy has them. Those that hold a mode of an integrator have their own names."""
+"""Functions of statements as functions of sympy. Functions that depend on a mode of an integrator have their own names."""
 
 __all__ = ["Assignment", "Recursion", "SweepOfUnits", "Unit", "statements"]

@@ -100,7 +100,7 @@ Degrees = dict[sympy.Basic, int]
 
 
 def _variable(atom: sympy.Expr) -> sympy.Expr:
-    """The variable of an atom; sine and cosine of one angle have the same one."""
+    """The variable of an atom; sine and cosine of one angle have the same variable."""
     return sympy.cos(atom.args[0]) if isinstance(atom, sympy.sin) else atom
 
 

@@ -29,11 +29,11 @@ from .names import unused_prefix
 from .polynomials import Polynomial, UndecidedError
 
 MOST_TERMS = 20_000
-"""Equations that are expected to have more terms are computed only if forced."""
+"""Largest expected number of terms of equations that are computed without `force`."""
 
 
 def symbols_of(names: Sequence[str], prefix: str = "") -> tuple[sympy.Symbol, ...]:
-    """Real symbols of these names, such as ``q.crank``."""
+    """Real symbols with given names, such as ``q.crank``."""
     return tuple(sympy.Symbol(f"{prefix}{name}", real=True) for name in names)
 
 
@@ -274,7 +274,7 @@ class SymbolicEngine(RecursiveEngine):
         Raises
         ------
         TooLargeError
-            It would have too many terms, and products are limited.
+            If the inverse would have too many terms, and products are limited.
         """
         n = len(A)
         if not n:
@@ -295,7 +295,7 @@ class SymbolicEngine(RecursiveEngine):
 
 
 LARGEST_INVERSE = 3
-"""With intermediate variables, matrices of more rows are not inverted by cofactors: `orthogonal_solution` solves with them."""
+"""With intermediate variables, largest number of rows for inversion by cofactors; `orthogonal_solution` takes larger matrices."""
 
 
 def orthogonal_solution(A: Array, B: Array) -> Array:

@@ -41,7 +41,7 @@ LETTERS = {"M": "M", "forcing": "f", "qdot": "\\dot{q}", "position": "\\Phi", "J
 
 
 def entries(found: Equations, name: str) -> Iterator[tuple[int, int, sympy.Expr]]:
-    """Row, column and value of the entries of a matrix, of the mass matrix those on and above the diagonal."""
+    """Row, column and value of the entries of a matrix; of the mass matrix, only entries on and above the diagonal."""
     of = found.matrices[name]
     for i in range(of.rows):
         for j in range(i if name == "M" else 0, of.cols):

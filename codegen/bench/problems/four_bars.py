@@ -55,7 +55,7 @@ and v0.
 
 
 PUBLISHED = (2, 40)
-"""Numbers of loops with published motions; these are integrated by both methods."""
+"""Numbers of loops with published motions; both methods integrate these motions."""
 
 
 def _four_bars(n: int, end: float, goals: tuple[Goal, ...], most: int) -> Motion:
