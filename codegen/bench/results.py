@@ -16,7 +16,7 @@ FORMAT = 1
 
 
 DAMAGE = (KeyError, TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
-"""Errors that a file causes if it was edited by hand or comes from another version."""
+"""Errors raised by a file that was edited by hand or comes from another version."""
 
 
 class ResultsError(Failure, ValueError):

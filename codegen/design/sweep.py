@@ -233,7 +233,7 @@ class _Crew:
         return died
 
     def _take(self, came: Mapping[str, tuple[Row, bool]]) -> None:
-        """Keep the rows of a task, but keep errors in the measure only if some case does not end in one."""
+        """Keep the rows of a task, but keep errors in the measure only if some case ends without an error."""
         rows = {k: row for k, (row, _) in came.items()}
         if self.wrong is not None:
             self.wrong |= rows
@@ -270,7 +270,7 @@ class _Crew:
         self.ahead = max(1, self.ahead // FEWER)
 
     def _lost_alone(self, part: list[str]) -> None:
-        """A task ended its worker, and the executor continues or had no other task."""
+        """After a task without others ended its worker: repeat its cases one by one, or blame its only case."""
         if len(part) > 1:
             self.waiting.extendleft([k] for k in reversed(part))
             return

@@ -401,7 +401,7 @@ class _Reader:
             self.leave_out_of_key(k, self.place("keyframe", names[k], k))
 
     def leave_out_of_key(self, k: int, place: Place) -> None:
-        """List values of a keyframe for actuators and mocap bodies, which have no state here."""
+        """List values of a keyframe for actuators and mocap bodies, which have no state in the model."""
         model, leave_out = self.model, self.robot.leave_out
         if model.key_act[k].any():
             leave_out("act of the <key>", place, Effect.DIFFERS, "actuators have no activation here")

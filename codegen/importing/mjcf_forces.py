@@ -183,7 +183,7 @@ class PassiveForces:
         self.act(name, first.length, f"min(max({text}, {low}), {high})", 1.0, driven=True)
 
     def lift(self) -> None:
-        """List joints whose gravity compensation by actuators differs here: it is limited, or no actuator acts."""
+        """List joints whose gravity compensation by actuators differs in the model: it is limited, or no actuator acts."""
         model = self.model
         if self.off("GRAVITY") or (self.off("SPRING") and self.off("DAMPER")) or not np.any(model.body_gravcomp):
             return

@@ -22,7 +22,7 @@ _OTHER_SPEEDS: Final = ("free", "planar")
 
 
 class _Step(NamedTuple):
-    """One of the model-format joints that replace a Pinocchio joint, relative to the previous one."""
+    """One of the model-format joints that replace a Pinocchio joint, relative to the previous joint."""
 
     frame: Placement
     type: str
@@ -163,7 +163,7 @@ class _Reader:
         return [_Step(here, "fixed")]
 
     def mimic(self, joint: Any, inner: Any, name: str) -> list[_Step]:
-        """A joint that follows another one."""
+        """A joint whose coordinate follows that of another joint."""
         other = self.model.mimicked_joints[list(self.model.mimicking_joints).index(joint.id)]
         (motion,) = _columns(joint, int(self.model.nqs[other])) / inner.scaling
         of = str(self.model.names[other])

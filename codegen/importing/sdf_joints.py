@@ -185,7 +185,7 @@ class JointReader(PartReader):
         return value * n * n
 
     def mimic(self, joint: SdfJoint) -> None:
-        """Add a joint that follows another one: q = multiplier (q_other - reference) + offset."""
+        """Add a joint whose coordinate follows another one: q = multiplier (q_other - reference) + offset."""
         reader = self.reader
         for axis in joint.axes:
             element = axis.first("mimic")

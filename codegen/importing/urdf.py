@@ -72,7 +72,7 @@ _ACTING: Final = {
     "joint", "link", "springStiffness", "springReference", "spring_stiffness", "dampingFactor", "damping", "gravity",
     "turnGravityOff", "implicitSpringDamper", "kinematic", "static",
 }  # fmt: skip
-"""Children of <gazebo> that change the motion of a robot there."""
+"""Children of <gazebo> that change the motion of a robot in Gazebo."""
 _ATTRIBUTES: Final = {
     "origin": {"xyz", "rpy", "quat_xyzw"}, "axis": {"xyz"}, "mass": {"value"}, "parent": {"link"}, "child": {"link"},
     "inertia": {"ixx", "iyy", "izz", "ixy", "ixz", "iyz"}, "dynamics": {"damping", "friction"},

@@ -101,7 +101,7 @@ class Partition:
         return [group for group in speed_groups(model) if group.is_split(dependent)]
 
     def dropped_rows(self, model: Model) -> tuple[set[int], ...]:
-        """For each loop, the positions of the dropped conditions among its own."""
+        """For each loop, the positions of the dropped conditions among the loop's conditions."""
         found: list[set[int]] = [set() for _ in model.loops]
         for ear in self.ears:
             for loop, row in ear.dropped:

@@ -162,7 +162,7 @@ class Geometry:
         return R
 
     def turned_behind(self, body: int, q: Array) -> Array | None:
-        """Rotation ``(S, 3, 3)`` that the later motions of a body's joint give its first one; None if they do not rotate."""
+        """Rotation ``(S, 3, 3)`` of a joint's first motion by its later motions; None if these do not rotate."""
         known = self._behind.get(body)
         if known is None:
             chain = self.chains[self.kinds[body]].without_first()

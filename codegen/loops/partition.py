@@ -194,7 +194,7 @@ class _Choice:
         return choose(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
 
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
-        """Ears at an assembled configuration, and if necessary at some near it; stores which loops are stuck there."""
+        """Ears at an assembled configuration, and if necessary at nearby ones; stores the loops that are stuck."""
         geometry, order, self.stuck = self.geometry, self.order, []
         try:
             sweep = Sweep(geometry, q, self.held, self.random)

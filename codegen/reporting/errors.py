@@ -1,4 +1,4 @@
-"""Errors of the generated solver against the generic engine in extended precision, both at the same states in double precision."""
+"""Errors of the generated solver against the generic engine in extended precision, at the same states in double precision."""
 
 from __future__ import annotations
 
