@@ -1,8 +1,8 @@
 """The list of sweeps: their blocks, directions and purposes.
 
 Read this first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24, 42-47, 53-56). A
-sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures`` before the former and
-``complete`` before the latter.
+sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures`` before forward
+dynamics, and ``complete`` before the sensitivity.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ class Readable(ABC, Generic[V_co]):
     Attributes
     ----------
     name : str
-        Beginning of its components.
+        Beginning of its components' names.
     unit, frame, meaning : str
         For the glossary. The frame gives the axes of the components; empty for scalars.
     propagated : bool

@@ -71,7 +71,7 @@ class Swept:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Known values of the ground, whose row follows those of the links.
+    """Known values of the ground, whose row follows the rows of links.
 
     Attributes
     ----------

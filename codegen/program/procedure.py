@@ -202,7 +202,7 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """Sweeps over directions that compute a value: one direction, before those of the seeds.
+    """Sweeps over directions that compute a value: one direction, before the directions of the seeds.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ def is_first(x: Scope, kind: LinkKind) -> bool:
 def force_to_parent(x: Scope, joint: LinkJoint, force: Vector, tag: str, r: Vector | None = None) -> Vector:
     """A moment and force about the parent's origin, along the parent's axes: ``S F``.
 
-    `r` is the vector from there to the link's origin, if it is known.
+    `r` is the vector from the parent's origin to the link's, if known.
     """
     r = joint.offset() if r is None else r
     n = joint.to_parent(force[:3], "pn", tag)
