@@ -8,7 +8,7 @@ Vector = tuple[Expression, Expression, Expression]
 
 
 def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
-    """Index and sign of the base vector along an axis; None if the axis is not given as one."""
+    """Index and sign of the base vector along an axis; None if the axis is not given as a base vector."""
     if not all(a.is_number for a in axis):
         return None
     values = [float(a.value) for a in axis]

@@ -18,7 +18,7 @@ from .sympy_trees import is_sympy
 Scalar = str | int | float | Expression | Any
 """A number, an expression as in a model file, or a sympy expression."""
 Vector3 = str | Sequence[Scalar]
-"""Three of them, or a vector expression."""
+"""Three scalars, or a vector expression."""
 
 
 class ModelBuilder:

@@ -46,7 +46,7 @@ class Step:
         return None
 
     def back(self, q: Array) -> Array | None:
-        """The inverse of `rotation`."""
+        """Rotation matrix from the frame before to the frame behind, ``(S, m, 3, 3)``."""
         return None
 
     def shift(self, q: Array) -> Array | None:

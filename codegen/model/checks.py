@@ -20,7 +20,7 @@ PSD_TOLERANCE = 1e-12
 TRIANGLE_TOLERANCE = 1e-9
 SINGULAR_TOLERANCE = 1e-14
 DIRT = 1e-15
-"""Moments below this, relative to mass times size squared of the whole system, are rounding errors."""
+"""Moments of inertia below this limit, relative to mass times size squared of the whole system, are rounding errors."""
 
 
 def cycles(parents: Sequence[int]) -> list[list[int]]:

@@ -36,7 +36,7 @@ class ConditionType(Entry):
 
 
 class Distance(ConditionType):
-    """Keeps the distance between the two points."""
+    """Keeps the distance between the origins of the two faces."""
 
     name = "distance"
     closure = Closure(linear=1, angular=0)

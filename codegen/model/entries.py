@@ -125,7 +125,7 @@ def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
 def _vector(value: Any, handler: Callable[[Any], Any]) -> Any:
     if isinstance(value, (str, Expression, Misread)):
         found = _expression(value)
-        if found.names:  # otherwise it is a number, which the handler reads
+        if found.names:  # an expression without names is a number, which the handler reads
             return _by_name(found, _NO_VECTOR)
     return handler(value)
 

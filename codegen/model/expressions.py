@@ -119,7 +119,7 @@ class Expression:
 
     @property
     def has_units(self) -> bool:
-        """Whether a number in it is written with a unit."""
+        """Whether a number in the expression is written with a unit."""
         if self._has_units is None:
             object.__setattr__(self, "_has_units", has_units(self.tree))
         return bool(self._has_units)
@@ -265,7 +265,7 @@ def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Cal
         return values[tree[1]]
     if kind == "call" and tree[1] in (CHOICE, VANISHING):
         first = _evaluate(tree[2], values, functions)
-        if not getattr(first, "ndim", 0):  # the branch that does not contribute may have no value
+        if not getattr(first, "ndim", 0):  # the argument that does not contribute may have no value
             if tree[1] == CHOICE:
                 return _evaluate(tree[3] if first else tree[4], values, functions)
             return first * _evaluate(tree[3], values, functions) if first else first

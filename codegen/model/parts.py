@@ -137,7 +137,7 @@ class Part:
         self._renamed.clear()
 
     def chain(self) -> list[Document]:
-        """The files from this one to the model's own."""
+        """The documents from that of this part to the model's own."""
         found, part = [], self  # type: list[Document], Part | None
         while part is not None:
             found.append(part.document)
@@ -146,7 +146,7 @@ class Part:
 
     @property
     def is_submodel(self) -> bool:
-        """Whether its names have a prefix."""
+        """Whether the part is a submodel, whose names have a prefix."""
         return bool(self.prefix)
 
     @property

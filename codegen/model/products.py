@@ -219,7 +219,7 @@ class Product:
                 moves.append(x)
                 e = plus(e, ONE)
             if not moves or (e[0] == "number" and e[1] < 0):
-                continue  # it is infinite in any case
+                continue  # the product is infinite in any case
             powers = left | {key: e}
             for x in moves:
                 of, number = Product().times(x), Product()

@@ -75,7 +75,7 @@ def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Express
         return da * b + a * db
     if kind == "/":
         base, n = (b.tree[1], Expression(b.tree[2])) if b.tree[0] == "**" else (b.tree, ONE)
-        if base[:2] == ("call", "cosh") and n.is_number:  # otherwise infinity over infinity far from zero
+        if base[:2] == ("call", "cosh") and n.is_number:  # the general rule gives infinity over infinity far from zero
             return da / b - n * of * made("tanh", Expression(base[2])) * derivative(Expression(base[2]), by)
         return (da - of * db) / b
     assert kind == "**", kind

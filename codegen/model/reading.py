@@ -83,7 +83,7 @@ class Reader(Problems):
         self.first_seen: dict[tuple[str, str], str] = {}
         # dicts used as ordered sets: messages list names in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
-        self.allowed["equations"] = self.allowed["parameters"]  # and coordinates of a point
+        self.allowed["equations"] = self.allowed["parameters"]  # coordinates of a point are added later
         self.broken: set[str] = set()
         self.prescribed: dict[str, Tree] = {}
         self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
@@ -94,7 +94,7 @@ class Reader(Problems):
         self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
-        self._keep: list[Entry] = []  # keeps those ids valid
+        self._keep: list[Entry] = []  # keeps these specs alive, so that their ids stay valid
         self._checked: set[tuple[Expression, str]] = set()
         self._regular: set[Tree] = set()  # trees that `regular` does not change, which long models repeat
         self._values: dict[Expression, float | str] = {}
@@ -146,7 +146,7 @@ class Reader(Problems):
         return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
-        """Whether an expression has, by its units, the dimension that is wanted at its place."""
+        """Whether the units of an expression have the dimension that is wanted at its place."""
         found = self.dimension(expression, at, sub)
         wanted = self.unit_wanted(at, sub)
         if found is None or wanted is None or found == wanted:
@@ -321,7 +321,7 @@ class Reader(Problems):
         try:
             written = _EXPRESSION.validate_python(given.value)
         except ValidationError:
-            return (one,)  # reported where it was bound, as is one that does not fit
+            return (one,)  # errors of the value are reported where it was bound
         dimension = self.dimension(written, given.at, path, quiet=True)
         if dimension is not None:
             at.part.dimensions[name] = dimension
@@ -331,7 +331,7 @@ class Reader(Problems):
         """The expressions that `given` returns, for an entry and its key."""
         if not at.part.given:
             return None
-        name = self.name_at(at, (), at.key, quiet=True)  # reported where the name is read
+        name = self.name_at(at, (), at.key, quiet=True)  # an error in the name is reported where the name is read
         return None if name is None else self.given(at, name, scope)
 
     def numbers(self, at: Instance) -> Numbers:
@@ -426,7 +426,7 @@ class Reader(Problems):
             try:
                 return parse(value)
             except ExpressionError:
-                pass  # reported below, as for other values
+                pass  # the validation below reports the error, as for other values
         try:
             found: Expression = _EXPRESSION.validate_python(value)
             return found

@@ -175,7 +175,7 @@ def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -
         n = here.powers.get(factor, ZERO)
         less = plus(exponent, MINUS_ONE)
         at_zero = here.copy()
-        if e == ONE and n[0] == "number" and n[1] > 0:  # times the factor: the product divided by its other factors
+        if e == ONE and n[0] == "number" and n[1] > 0:  # the factor's power is the product divided by its other factors
             at_zero = here.without(factor).with_all([(rest.copy().tree(), combine("neg", n))])
             less = plus(less, n)
         at_zero.with_all([(key, less), (rest.tree(), ONE)])

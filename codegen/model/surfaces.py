@@ -19,7 +19,7 @@ COORDINATES: Final = ("<x>", "<y>", "<z>")
 """Names of a point's coordinates in an equation; no name in a file has this form."""
 
 AS_WRITTEN: Final = dict(zip("xyz", COORDINATES, strict=True))
-"""`COORDINATES` by their names in a file."""
+"""`COORDINATES` by the names x, y and z that a file uses."""
 
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Pairs of coordinates of the second derivatives, in the order xx, yy, zz, xy, xz, yz."""

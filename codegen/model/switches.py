@@ -289,7 +289,7 @@ class Switches:
         )
 
     def _without_factors(self, tree: Tree) -> Tree:
-        """A part of a product that is zero where the product is, if the other factors do not vary."""
+        """A factor of a product with the same zeros, if the other factors do not vary."""
         while True:
             tree = _may_be_absolute(tree)
             if tree[0] == "neg" or (tree[0] in ("*", "/") and not self._has_varying(tree[2])):
@@ -379,7 +379,7 @@ def _solve(e: Expression, values: dict[str, float]) -> bool:
 
 
 def _may_be_absolute(tree: Tree) -> Tree:
-    """The argument as the absolute value of another expression, if it is an even power such as ``x**2``."""
+    """The absolute value of the base of an even power such as ``x**2``, with the same zeros; other trees are unchanged."""
     return ("call", "abs", tree[1]) if tree[0] == "**" and _is_whole(tree[2]) and tree[2][1] % 2 == 0 else tree
 
 

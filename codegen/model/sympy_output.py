@@ -57,7 +57,7 @@ def to_sympy(
         return sympy.sympify(expression)
     try:
         return _Output(symbols or {}, number or _number).value(expression.tree)
-    except RecursionError:  # sympy's own, for powers of products of conditions
+    except RecursionError:  # sympy itself recurses too deeply in powers of products of conditions
         with sympy.evaluate(False):
             return _Output(symbols or {}, number or _number).value(expression.tree)
 

@@ -180,7 +180,7 @@ class _Trees:
         return self.function(e)
 
     def leaf(self, e: Any) -> Tree:
-        """A name, or the derivative of an object that is not a name."""
+        """The tree of a name, or of the derivative of an object that is not a name."""
         if e.is_Derivative and (done := e.doit()) != e:
             return self.tree(_real(done))
         return self.named(e)

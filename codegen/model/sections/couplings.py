@@ -48,12 +48,12 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
 def _read_followed(
     reader: Reader, at: Instance, spec: CouplingEntry, own: str | None, joints: Joints, terms: list[Term]
 ) -> None:
-    """Add the coordinates that it follows, with minus their ratios."""
+    """Add the coordinates that the coupling's coordinate follows, with minus their ratios."""
     if not spec.follows:
         reader.report(at, ("follows",), "follows is empty; give coordinates with their ratios: {crank: -z1/z2}")
     seen: set[str] = set()
     for key, ratio in spec.follows.items():
-        # a name alone has the ratio 1
+        # a name without a ratio has the ratio 1
         sub: Path_ = ("follows", key) if isinstance(at.value.get("follows"), dict) else ("follows",)
         other = _coordinate(reader, at, sub, key, joints)
         errors = reader.errors

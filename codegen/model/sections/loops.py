@@ -121,7 +121,7 @@ def _equation(reader: Reader, written: Expression, at: Instance, sub: Path_) -> 
 
 
 def _taken(reader: Reader, name: str, at: Instance) -> str:
-    """Another meaning of a coordinate's name in the file; empty if there is none."""
+    """What the name x, y or z already denotes in the file, such as ``a repeat index``; empty if nothing."""
     part = at.part
     if name in at.indices:
         return "a repeat index"

@@ -62,7 +62,7 @@ def point_at(
 
 
 def point_named(name: str, bodies: BodySection, points: dict[str, Point]) -> Point | None:
-    """The point of that name, or the origin of the body or ground of that name; None if there is neither."""
+    """The point, or the origin of the body or ground, with the given name; None if there is neither."""
     if name in points:
         return points[name]
     return Point(name, bodies.frames[name], (ZERO, ZERO, ZERO)) if name in bodies.frames else None

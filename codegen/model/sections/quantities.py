@@ -123,7 +123,9 @@ def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float
 
 def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
     """The unit of a parameter for documentation: that of the file, or that of its value."""
-    dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {None}  # errors: reported at binding
+    dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {
+        None
+    }  # errors are reported when the values are bound
     if len(dimensions) > 1:
         reader.report(at, ("value",), "components have different units; those of a vector must be of the same kind")
     known = unit_of(text) if text else None
@@ -152,7 +154,7 @@ def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> 
     try:
         written = parse(value) if isinstance(value, str) else None
     except ExpressionError:
-        return  # reported where the constant is read, as is one that does not fit
+        return  # the error is reported where the constant is read
     found = None if written is None else reader.dimension(written, at, quiet=True)
     if found is not None:
         at.part.dimensions[local] = found

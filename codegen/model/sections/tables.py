@@ -34,9 +34,9 @@ def read_tables(reader: Reader) -> list[Instance]:
         if reader.errors == before:
             _check_period(reader, at, spec, x, period)
         y = [ZERO, ZERO]
-        if reader.errors > before:  # so that expressions that call it have no errors
+        if reader.errors > before:  # a placeholder, so that calls of the table cause no further errors
             x = [0.0, 1.0]
-        else:  # in names of the file: the model's names replace them where the table is called
+        else:  # with names of the file; a call of the table replaces them by the model's names
             y = [at.part.binder(e, at.indices) for e in spec.y]
             if period is not None and x[0] + period > x[-1]:
                 x, y = [*x, x[0] + period], [*y, y[0]]

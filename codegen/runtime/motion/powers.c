@@ -82,8 +82,8 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
-/* The error of derivatives in a step near the zero of a power or root; else 0. `error` is the error of the state; the step may end at the zero. Records a
- * step as short as LEAST that starts or ends at the zero of a root. Sets m->advice for the step size. */
+/* The error of derivatives in a step near the zero of a power or root; else 0. `error` is the error of the state; the step may end at the
+ * zero. Records a step as short as LEAST that starts or ends at the zero of a root. Sets m->advice for the step size. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
 {
     const int events = m->problem->nevents;
