@@ -270,7 +270,7 @@ class _Crew:
         self.ahead = max(1, self.ahead // FEWER)
 
     def _lost_alone(self, part: list[str]) -> None:
-        """After a task without others ended its worker: repeat its cases one by one, or blame its only case."""
+        """Repeats the cases of a task that ended its worker one by one, or blames its only case."""
         if len(part) > 1:
             self.waiting.extendleft([k] for k in reversed(part))
             return
