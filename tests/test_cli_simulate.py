@@ -9,6 +9,7 @@ import re
 import signal
 import time
 import warnings
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -313,7 +314,7 @@ WRONG = {
     "-t 1 --samples 1": "--samples is 1; at least 2 are needed",
     "--samples 5": "the end of the motion is missing",
     "--at 0,x": "--at: 'x' is not a number; expected a list such as --at 0,0.1,0.5",
-    "--at 0,1,": "--at: '' is no number",
+    "--at 0,1,": "--at: '' is not a number",
     "--at 0,1,1": "--at: 1 follows 1; times must increase",
     "--at 0": "--at 0 is only the initial state",
     "--at nan": "--at: nan is not a valid time",
@@ -537,7 +538,10 @@ def test_an_edited_include_is_another_model(here, capsys):
 
 def test_choices_of_independents_are_part_of_the_key(here, capsys):
     model = codegen.load_model("swing.yaml")
-    assert len({cached_solver._cached(model, n) for n in (1, 2, 4)}) == 3
+    assert (
+        len({cached_solver._cached(model, n, *more) for n in (1, 2, 4) for more in product((False, True), repeat=2)})
+        == 12
+    )
 
 
 def test_the_generator_and_what_it_needs_are_part_of_the_key(here, monkeypatch, tmp_path):

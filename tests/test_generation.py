@@ -285,7 +285,9 @@ def test_a_file_in_an_own_folder_is_not_lost(model, tmp_path):
     for mine in (folder / "results.csv", folder / "_runtime" / "results.csv", folder / "notes" / "results.csv"):
         mine.parent.mkdir(exist_ok=True)
         mine.write_text("days of work")
-        with pytest.raises(FolderError, match=r"generated files (_runtime/results\.csv|results\.csv|notes),.*-o"):
+        with pytest.raises(
+            FolderError, match=r"contains (_runtime/results\.csv|results\.csv|notes).* besides generated files, .*-o"
+        ):
             generate(parse_model(TEXT.replace("2700", "2800")), folder, compile=False)
         assert mine.read_text() == "days of work"
         mine.unlink()

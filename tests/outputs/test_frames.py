@@ -383,8 +383,8 @@ def test_more_digits(solver: codegen.Solver) -> None:
         ("points", {"points": ("ring", [1, 2, np.nan])}, "expected finite numbers"),
         ("points", {"points": [3.0]}, "3.0 is not a point; expected the name of a point"),
         ("frame_sensitivities", {}, "no seed given"),
-        ("frames", {"bodies": 3}, "bodies is 3, expected a name, or a list"),
-        ("points", {"points": 3}, "points is 3, expected a name, or a list"),
+        ("frames", {"bodies": 3}, "bodies is 3, expected a name or a list"),
+        ("points", {"points": 3}, "points is 3, expected a name or a list"),
     ],
 )
 def test_errors_teach(solver: codegen.Solver, member: str, asked: dict[str, Any], said: str) -> None:

@@ -200,9 +200,7 @@ def test_motions_and_fine_tolerances_are_refused(pair):
     for call in (lambda: single.simulate(1.0), lambda: single.judge(1.0, [codegen.runtime.Final("tool_x")])):
         with pytest.raises((AttributeError, ValueError), match=r"--scalar float32: it evaluates .* --scalar float64"):
             call()
-    with pytest.raises(
-        ValueError, match=r"equilibrium: tolerance is 1e-12.*rounded to 1.2e-07.*ask for 1.2e-06 or more"
-    ):
+    with pytest.raises(ValueError, match=r"equilibrium: tolerance is 1e-12.*rounded to 1.2e-07.*use 1.2e-06 or more"):
         single.equilibrium(tolerance=1e-12)
     with pytest.raises(UnknownFunctionError, match=r"double precision.* leave out simulate"):
         codegen.pipeline.write_solver(load_model(EXAMPLES / "arm.yaml"), functions=["simulate"], scalar="float32")

@@ -80,7 +80,10 @@ def short(scalar: Scalar, sizes: Iterable[int]) -> list[int]:
 
 def short_rows(scalar: Scalar, sizes: Iterable[int]) -> list[str]:
     """Return the functions that move rows of these sizes, stored without gaps, between memory and vectors of states."""
-    return by_set(scalar, lambda lanes: [line for n in sizes for line in (*_take(n, lanes), *_give(n, lanes))])
+    comment = ["/* Contiguous rows with fewer entries than a part fill whole vectors. */"] if sizes else []
+    return comment + by_set(
+        scalar, lambda lanes: [line for n in sizes for line in (*_take(n, lanes), *_give(n, lanes))]
+    )
 
 
 def _take(n: int, lanes: int) -> list[str]:
