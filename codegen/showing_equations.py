@@ -74,7 +74,9 @@ def add_statements_arguments(parser: argparse.ArgumentParser) -> None:
 def run_equations(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm equations``."""
     if options.values and options.set:
-        raise Failure("--values gives all parameters numbers, --set one; leave out one of them")
+        raise Failure(
+            "--values gives every parameter a number, --set a single parameter; leave out one of the two options"
+        )
     if options.force_file and options.output is None:
         raise Failure("--force-file is for a file that -o names; leave it out")
     given: Any = "values" if options.values else _values(options.set)

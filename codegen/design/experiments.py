@@ -103,7 +103,7 @@ class Experiment:
         return np.concatenate(errors), np.concatenate(jacobians)
 
     def by_name(self, residuals: Array) -> dict[str, Array]:
-        """Residuals (count,) of this experiment as (nt,) by name, in units of the samples; NaN where there is no sample."""
+        """Residuals (count,) of this experiment as an array (nt,) for each output, in its unit; NaN where there is no sample."""
         found, first = {}, 0
         for name, samples in self.samples.items():
             known = np.isfinite(samples)

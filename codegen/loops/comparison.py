@@ -39,8 +39,8 @@ class Comparison:
     worst, worst_pivoted : float
         The condition numbers that a quarter of the other assembled configurations exceed; nan if there are none.
     loss : float
-        Ratio of the choice's condition number to that of pivoting, at the initial configuration or at most others; nan if
-        all are singular.
+        Ratio of the choice's condition number to that of pivoting, at the initial configuration, or the ratio that most other
+        configurations have if that is larger; nan if all are singular.
     reach : float
         Fraction of random independent coordinates around the initial ones for which the loops close. nan for chains with more
         independent speeds than dependent ones, where dependents near the cut can seldom follow.

@@ -37,7 +37,7 @@ class Step:
     v: Array | None = None
 
     def of(self, rows: Array) -> Self:
-        """This step for some of the joints."""
+        """This step of the chain, restricted to some of the joints in the batch."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "speeds"}
         return replace(self, **{name: x[rows] for name, x in arrays.items() if x is not None})
 

@@ -125,7 +125,7 @@ class Symbol(Expr):
 
 
 def _compared(by: Callable[[Real, Real], bool]) -> Callable[[Number, object], bool]:
-    """A comparison of a number with another one, or with a plain number."""
+    """A comparison of a symbolic number with another symbolic number, or with a Python number."""
     return lambda number, other: by(number.value, _value(other))
 
 

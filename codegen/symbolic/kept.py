@@ -83,7 +83,7 @@ def constant(store: str, component: str, owner: Constants | None) -> sympy.Symbo
 
 
 def of_constants(users: Sequence[Constants], store: Store, component: str) -> sympy.Expr:
-    """The symbol of a component in a block of constants; with a single owner, its parameter or number."""
+    """The symbol of a component in a block of constants; in a block with one user, that component's parameter or number."""
     if store is SHAPE:
         return constant("c", component, users[0] if len(users) == 1 else None)
     if len(users) == 1 and store is NUMBER:

@@ -124,7 +124,7 @@ def _function(head: str, body: list[str]) -> list[str]:
 
 
 def _chosen(a: str, b: str, order: list[int]) -> str:
-    """Lanes of two vectors, by their numbers in both together."""
+    """A vector of lanes chosen from two vectors, whose lanes are numbered one after the other."""
     return f"CHOSEN({a}, {b}, {', '.join(map(str, order))})"
 
 

@@ -19,7 +19,7 @@ from ..structure.kinds import LinkKind
 
 
 def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
-    """``S^T A`` of the parent, six components along the link's axes."""
+    """The parent's spatial acceleration A, shifted by ``S^T`` to the link's origin: six components along the link's axes."""
     al, a = A[:3], A[3:]
     r = joint.offset()
     moved = add(a, cross(al, r))

@@ -196,7 +196,7 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
     return 0;
 }
 
-/* A step to the expected time of an event; an implicit step may fail to converge, also for derivatives. */
+/* A step to the expected time of an event; an implicit step may fail to converge, and so may the iteration of its derivatives. */
 static int step_of_size(ordernm_motion *m, scalar h)
 {
     scalar *const error = &m->error_to_event;

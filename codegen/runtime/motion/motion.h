@@ -192,7 +192,7 @@ typedef struct {
     int moved;                /* 0, or 1 + a switch of prescribed motion that was passed */
     ordernm_scalar moved_at;  /* time of that switch: if the velocity of that motion jumps there, results lack the impulse on other
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
-    int late;                 /* 0, or 1 + a switch passed at a pose where a loop loses rank, at which no step can end */
+    int late;                 /* 0, or 1 + index of a switch passed at a pose where a loop loses rank; no step can end at such a pose */
     ordernm_scalar late_at;   /* time of that switch: its old branch was used for a tenth of a step longer */
     int component;            /* the state entry that limited the step size or was not finite; or see the reasons for the end */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest distance of a zero, in lengths of the step, at which it affects the step. */
+/* Largest distance, in lengths of the step, at which a zero of a switching function affects the step. */
 static const scalar FARTHEST = 5.0;
 
 /* Ratio of the errors of derivatives to those of the state, times the time in which the state changes by its size, over the step size, for a

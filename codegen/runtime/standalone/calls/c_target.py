@@ -366,7 +366,7 @@ class CTarget(Target):
         return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
 
     def _row(self, x: Array, batch: Shape) -> tuple[Any, int, int]:
-        """Pointer to an argument, its stride between states, and 0 between directions."""
+        """Pointer to an argument, its stride between states, and its stride between directions, which is 0."""
         n = x.shape[-1]
         return (self._whole(x, x.shape), 0, 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n, 0)
 

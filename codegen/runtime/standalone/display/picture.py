@@ -139,7 +139,7 @@ class _Figure:
         return float(np.abs((places - middle) / half).max())
 
     def _points(self) -> Array:
-        """Points (n, 3) of the scene at some of its times, m."""
+        """Positions (n, 3), in m, of all points of the scene at some times of the motion."""
         poses = self.poses
         steps = np.unique(np.linspace(0, len(poses.t) - 1, 60).astype(int))
         found = [poses.of(s.body, v, i) for i in steps for s, v, _ in self.surfaces]

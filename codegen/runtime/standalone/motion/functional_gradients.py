@@ -90,7 +90,9 @@ class FunctionalGradients(Simulation):
         )
         way = self._way(method, len(wanted), directions.k, settings.method)
         found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
-        if found is None:  # forward, or the adjoint found that derivatives along some directions may not exist
+        if (
+            found is None
+        ):  # the method is forward, or the adjoint found that derivatives along some directions may not exist
             way = "forward" if directions.k else "none"
             found = self._by_directions(wanted, events, problem, directions)
         return Judged(*found[:2], directions.names, way, found[2])
