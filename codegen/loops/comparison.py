@@ -43,7 +43,7 @@ class Comparison:
         configurations have if that is larger; nan if all are singular.
     reach : float
         Fraction of random independent coordinates around the initial ones for which the loops close. nan for chains with more
-        independent speeds than dependent ones, where dependents near the cut can seldom follow.
+        independent speeds than dependent ones, in which the joints beside the loop joint can seldom close the loop.
     clustered : int
         Number of dependent speeds in clusters.
     """

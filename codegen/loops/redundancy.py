@@ -85,7 +85,7 @@ class Redundancy:
 def nearly_redundant(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator, rounding: float = ROUNDING
 ) -> list[Draft]:
-    """Ears whose redundant conditions are not redundant to rounding, at an assembled configuration ``(1, nq + 1)``."""
+    """Ears with conditions that count as redundant, but not to rounding, at an assembled configuration ``(1, nq + 1)``."""
     found = []
     motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
     for draft in drafts:

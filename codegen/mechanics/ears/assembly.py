@@ -31,7 +31,7 @@ HALF_TURN = 1e-14
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
-    """``1 / sqrt(value)`` for the square of a cosine; and 1 if the square is zero up to rounding (half a turn), otherwise 0."""
+    """``1 / sqrt(value)`` for the square of a cosine, and a flag: 1 if the square is rounded to zero (half a turn), else 0."""
     square = x.let("square", value, "Eq. 32")
     half = x.let("half", x.call("at_least", x.number(limits().rounding(HALF_TURN)), square), "Eq. 32")
     under = x.let("under", square + half, "Eq. 32")

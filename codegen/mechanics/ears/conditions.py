@@ -161,7 +161,7 @@ def components_along(
 
 
 def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Moment and force of a loop from its multipliers, along the directions of the conditions or their changes."""
+    """Moment and force of a loop: its multipliers times `along`, the directions of its conditions or their changes."""
     found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
     for row, value, n in zip(rows, multipliers, along, strict=True):
         if row.loop == c:

@@ -135,7 +135,7 @@ def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
 
 
 def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
-    """From relative motions of far links to their accelerations and the base's: ``s = A_far - X A_base``, a congruence. Eq. 39.
+    """Replace relative motions of far links by accelerations of these links and of the base: ``s = A_far - X A_base``. Eq. 39.
 
     Changes Q and g; the far links' columns are then along their own axes.
     """

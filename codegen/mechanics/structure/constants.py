@@ -138,7 +138,7 @@ class Statements:
 
 
 def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") -> Value:
-    """The value of an expression, as statements; on zero patterns whether it may differ from zero. Reads every operand.
+    """The value of an expression as statements; on zero patterns, whether this value may differ from zero. Reads all operands.
 
     `leaf` gives the value of a name; `tag` is the equation of the statements.
     """

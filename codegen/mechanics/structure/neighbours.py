@@ -59,7 +59,7 @@ class Neighbours:
         """A key for each ear, equal for ears of the same structure."""
 
     def _followed(self) -> dict[int, str]:
-        """Links on whose motion other regions' loops close, with the links between them and the one that carries them all.
+        """Links that carry faces of loops of other regions, the links between these, and the one link that carries all of them.
 
         The carrying link is the ``origin``, unless it lies between such links itself. Motions relative to the ground instead
         would lose digits, for example on a distant satellite.
