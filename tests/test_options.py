@@ -235,7 +235,7 @@ TOGETHER = {
     "import robot.urdf -o - --force": "remove --force",
     "statements swing.yaml --force": "--force is for a file",
     "equations swing.yaml --force-file": "--force-file is for a file",
-    "equations swing.yaml --values --set length=2": "leave out one of them",
+    "equations swing.yaml --values --set length=2": "leave out one of the two options",
     "new --list --from arm": "--list writes nothing",
     "new x.yaml --from nothing": "--from nothing: no such starter",
     "view swing.yaml -t 1 --trajectory run.npz": "not allowed with",
