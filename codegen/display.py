@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from .model.expressions import Expression
-from .model.model import Body, Model
+from .model.model import Body, Face, Loop, Model
 from .model.visuals import Visual
 
 
@@ -18,12 +18,17 @@ def display(model: Model) -> dict[str, Any]:
     loops = [x for x in model.loops if not x.is_coupling]
     return {
         "bodies": [_body(b) for b in model.bodies],
-        "loops": [{"name": x.name, "ends": [_end(x.start), _end(x.end)]} for x in loops],
+        "loops": [{"name": x.name, "ends": [_end(e) for e in _faces(x)]} for x in loops],
         "points": [{"name": x.name, **_end(x)} for x in model.points],
         "elements": [
             {"name": x.name, "type": x.type, "ends": [_end(e) for e in x.ends]} for x in model.loads if x.ends
         ],
     }
+
+
+def _faces(loop: Loop) -> tuple[Face, Face]:
+    """The faces ``from`` and ``to`` of the file."""
+    return (loop.end, loop.start) if loop.turned else (loop.start, loop.end)
 
 
 def _body(body: Body) -> dict[str, Any]:

@@ -54,13 +54,16 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
     _check(options)
     model = read(options.model, status)
     folder = Path(options.model).resolve().parent if Path(options.model).is_file() else Path()
-    with solver_of(model, status, frames=True, reactions=options.reactions) as solver:
+    written = _files(options)
+    with solver_of(model, status, frames=True, reactions=options.reactions) as solver, motion_errors():
         p = _parameters(solver, options)
         motion = _motion(solver, options, p, status)
-        written = _files(options)
+        if options.trajectory and motion is not None:
+            motion._shown_by(solver)  # refuses a trajectory of another model
         if options.picture:
             start = motion.q[0] if motion is not None else solver.assemble(*solver.initial, p)[0]
-            solver.picture(start, p if motion is None else motion.p, path=options.picture, folder=folder)
+            at, when = (p, 0.0) if motion is None else (motion.p, motion.t[0])
+            solver.picture(start, at, t=when, path=options.picture, folder=folder)
         if options.animate and motion is not None:
             motion.animate(options.animate, solver if options.trajectory else None, folder=folder)
         if options.html and motion is not None:

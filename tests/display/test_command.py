@@ -54,3 +54,20 @@ def test_pictures_animations_and_pages_are_written_and_replaced(capsys):
     assert cli.main("view swing.yaml --html state.html".split()) == 0
     assert cli.main("simulate swing.yaml -t 0.2 -o run.npz".split()) == 0
     assert cli.main("view swing.yaml --trajectory run.npz --html a.html".split()) == 0
+
+
+def test_what_does_not_fit_the_model_is_one_line(capsys):
+    pytest.importorskip("viser")
+    Path("other.yaml").write_text(MODEL.replace("swing", "other").replace("rod:", "bar:").replace("q: {rod", "q: {bar"))
+    assert cli.main("simulate swing.yaml -t 0.2 -o run.npz".split()) == 0
+    assert cli.main("generate swing.yaml --target numpy".split()) == 0
+    capsys.readouterr()
+    for command, message in (
+        ("view other.yaml --trajectory run.npz --picture a.png", "the trajectory is of model swing"),
+        ("view other.yaml --trajectory run.npz --html a.html", "the trajectory is of model swing"),
+        ("view generated/swing --picture a.png", "generate it with --frames"),
+    ):
+        assert cli.main(command.split()) == 2
+        error = capsys.readouterr().err
+        assert message in error and error.count("\n") == 1
+    assert not Path("a.png").exists() and not Path("a.html").exists()

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import ordernm
 from codegen.runtime.standalone.display.picture import view_of
 from codegen.runtime.standalone.display.poses import Poses, quaternions
 from codegen.runtime.standalone.display.scene import scene_of
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 MODEL = """
 model: shown
@@ -210,3 +213,32 @@ def test_a_motion_is_computed_again_at_other_parameters(tmp_path):
     np.testing.assert_array_equal(again.dq, expected.dq)
     shown = again.views.shown(again)
     np.testing.assert_allclose(shown[0].solids[0].sizes, [0.03, 1.5])
+
+
+def test_ends_of_loops_are_those_of_the_file_also_where_the_generator_exchanges_them():
+    from codegen.display import display
+
+    model = ordernm.load_model(EXAMPLES / "four_bar.yaml")
+    assert display(model.with_turned([0]))["loops"] == display(model)["loops"]
+
+
+def test_places_may_have_remainders_and_tables(tmp_path):
+    text = MODEL.replace("at: [0.2, 0, 0]}", 'at: ["mod(5*length, 0.3)", 0, 0]}')
+    ordernm.generate(ordernm.parse_model(text), tmp_path / "shown", target="numpy", frames=True)
+    found = scene(ordernm.load(tmp_path / "shown", target="numpy"), length=1.01).joints[2]
+    np.testing.assert_allclose(found.at, [5.05 % 0.3, 0, 0], atol=1e-14)
+
+
+def test_colours_of_derivatives_that_do_not_exist_are_black():
+    from codegen.runtime.standalone.display.viewer import _scale
+
+    assert _scale(np.array([np.nan]))[0].tolist() == [0, 0, 0]
+    assert _scale(np.array([0.0]))[0].any()
+
+
+def test_rates_of_animations_are_positive(solver, tmp_path):
+    names = {"coordinate_names": solver.coordinate_names, "speed_names": solver.speed_names}
+    run = ordernm.Trajectory("shown", [0.0], np.zeros((1, 3)), np.zeros((1, 3)), **names,
+                             parameter_names=solver.parameter_names)  # fmt: skip
+    with pytest.raises(ValueError, match="rate is 0; a positive number of frames per second is needed"):
+        run.animate(tmp_path / "run.gif", solver, rate=0)

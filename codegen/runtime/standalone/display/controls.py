@@ -96,14 +96,14 @@ class Sliders:
     names, units : sequence of str
     values, low, high : ndarray (n,)
     changed : callable
-        Called with all n numbers, in a thread of its own. Its ValueError or ArithmeticError is shown.
+        Called with all n numbers, in a thread of its own. The view shows its errors in numbers.
     """
 
     def __init__(
         self, viewer: Viewer, title: str, names: Sequence[str], units: Sequence[str], values: Array, low: Array, high: Array,
         changed: Callable[[Array], None],
     ):  # fmt: skip
-        self.values, self.changed = values.astype(float).copy(), changed
+        self.values, self.changed, self.lock = values.astype(float).copy(), changed, viewer.lock
         gui = viewer.server.gui
         self.wanted = threading.Event()
         self.sliders: dict[str, Any] = {}
@@ -128,9 +128,10 @@ class Sliders:
             self.wanted.wait()
             self.wanted.clear()
             try:
-                self.changed(self.values.copy())
+                with self.lock:
+                    self.changed(self.values.copy())
                 self.message.content = ""
-            except (ValueError, ArithmeticError) as error:
+            except (ValueError, ArithmeticError, RuntimeError) as error:  # the last: a motion that ends
                 self.message.content = str(error)
 
 

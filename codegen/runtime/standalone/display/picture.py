@@ -59,6 +59,8 @@ def draw(scene: Scene, poses: Poses, path: str | os.PathLike[str] | None, view: 
 def animate(scene: Scene, poses: Poses, path: str | os.PathLike[str], view: str, folder: Path, rate: float) -> None:
     """Write an animation of the scene through its poses; see `Trajectory.animate`."""
     suffix_among(path, dict.fromkeys(ANIMATIONS), PlotError, f"animations are written as {' or '.join(ANIMATIONS)}")
+    if not 0.0 < rate < float("inf"):
+        raise PlotError(f"rate is {rate}; a positive number of frames per second is needed")
     matplotlib = need()
     chosen = _frames(poses.t, rate)
     with matplotlib.rc_context():

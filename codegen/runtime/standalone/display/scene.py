@@ -251,7 +251,8 @@ def _value(x: Any, known: Mapping[str, float]) -> float:
         return _value(of[2] if _value(of[1], known) else of[3], known)
     if kind == "call":
         numbers = [_value(a, known) for a in of[1:]]
-        return float(numbers[0] * numbers[1] if of[0] == "vanishing" else getattr(ON_ARRAYS, of[0])(*numbers))
+        name = "mod" if of[0] == "wrapped" else of[0]
+        return float(numbers[0] * numbers[1] if name == "vanishing" else getattr(ON_ARRAYS, name)(*numbers))
     a, *rest = (_value(a, known) for a in of)
     match kind:
         case "neg":

@@ -68,7 +68,7 @@ class Nodes:
     def show(self, poses: Poses, i: int, shade: str = "", forces: bool = False) -> None:
         """Show the scene at time i; bodies coloured by the parameter `shade`, if there is one, and forces if wanted."""
         shown = poses.shades.get(shade)
-        colors = None if shown is None else _scale(shown[i] / (float(shown.max()) or 1.0))
+        colors = None if shown is None else _scale(shown[i] / (float(np.nanmax(shown, initial=0.0)) or 1.0))
         with self.server.atomic():
             self._arrows(poses.forces if forces else [], i)
             for k, group in enumerate(self.groups):
@@ -136,9 +136,10 @@ def colors_of(bodies: Indices, color: str) -> Array:
 
 
 def _scale(x: Array) -> Array:
-    """Colours (n, 3), 0 to 255, from light grey for 0 over orange to dark red for 1."""
+    """Colours (n, 3), 0 to 255: from light grey for 0 over orange to dark red for 1; black where there is no number."""
     stops = np.array([[0.0, 0.5, 1.0], [225, 240, 150], [225, 160, 10], [225, 40, 30]])
-    return np.stack([np.interp(x, stops[0], row) for row in stops[1:]], axis=1).astype(np.uint8)
+    scaled = np.stack([np.interp(x, stops[0], row) for row in stops[1:]], axis=1)
+    return np.where(np.isnan(x)[:, None], 0.0, scaled).astype(np.uint8)
 
 
 def _rgb(color: str) -> tuple[int, int, int]:

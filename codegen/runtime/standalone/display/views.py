@@ -178,8 +178,10 @@ class MotionViews:
         inputs = inputs[rows] if inputs.ndim == 2 else inputs
         t, q, u = run.t[rows], run.q[rows], run.u[rows]
         scene, poses = views._scene(p), views._poses(q, p, inputs, t)
-        names = run.sensitivity_names
-        shades = views._shades(scene, q, p, inputs, t, run.dq[:, rows], names) if names else {}
+        by_inputs = [n.startswith("inputs.") and bool(views.moving_inputs) for n in run.sensitivity_names]
+        kept = [k for k, moves in enumerate(by_inputs) if not moves]  # prescribed motion depends on inputs beside q
+        names = [run.sensitivity_names[k] for k in kept]
+        shades = views._shades(scene, q, p, inputs, t, run.dq[kept][:, rows], names) if names else {}
         return scene, replace(poses, shades=shades, forces=views._forces(q, u, p, inputs, scene, poses))
 
 
