@@ -47,6 +47,8 @@ _CONNECT, _WELD, _JOINT = range(3)
 _SITE: Final = 6
 """Value of mjtObj for sites."""
 _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
+_GREY: Final = (0.5, 0.5, 0.5, 1.0)
+"""Colour of geoms that give none."""
 _MESH_FOLDERS: Final = ("meshdir", "assetdir")
 _HIDDEN: Final = 3
 """Groups of geoms from this one on are hidden by MuJoCo's viewer."""
@@ -308,7 +310,7 @@ class _Reader:
                 _ELLIPSOID: ("ellipsoid", tuple(float(x) for x in size)),
             }
             frame = _frame(model.geom_pos[g], model.geom_quat[g])
-            shown, color = int(model.geom_group[g]) < _HIDDEN, hex_color(" ".join(map(str, model.geom_rgba[g])))
+            shown, color = int(model.geom_group[g]) < _HIDDEN, self.color(g)
             if type_ in sizes:
                 found.append(Solid(*sizes[type_], frame, shown, color))
             elif type_ == _MESH and shown and (file := self.mesh_file(mesh := int(model.geom_dataid[g]))):
@@ -316,6 +318,13 @@ class _Reader:
                 scale = tuple(float(x) for x in model.mesh_scale[mesh])
                 found.append(Solid("mesh", scale, frame @ own.inverse(), True, color, file))
         return found
+
+    def color(self, g: int) -> str:
+        """Colour of a geom: its own, or that of its material if it has MuJoCo's default colour."""
+        rgba, material = self.model.geom_rgba[g], int(self.model.geom_matid[g])
+        if material >= 0 and np.allclose(rgba, _GREY):
+            rgba = self.model.mat_rgba[material]
+        return hex_color(" ".join(map(str, rgba)))
 
     def mesh_file(self, mesh: int) -> str:
         """Path of the file of a mesh; ``""`` if there is none."""

@@ -39,7 +39,7 @@ SINGLE = next(s for s in C.scalars if s.bytes == 4)
 def test_short_rows_go_to_vectors_and_back(tmp_path: Path, flags: list[str]) -> None:
     sizes = short(SINGLE, (7, 3, 2, 3, 1))
     assert sizes == [2, 3]
-    lanes = "\n".join(map(str, words(SINGLE)["state_lanes"]))  # type: ignore[call-overload]
+    lanes = "\n".join(map(str, words(SINGLE)["state_lanes"]))
     text = PRELUDE.format(lanes=lanes, rows="\n".join(short_rows(SINGLE, sizes)))
     (tmp_path / "rows.c").write_text(text + "".join(RUN.format(n=n) for n in sizes))
     command = ["cc", "-O2", *flags, "-Wno-psabi", "-fPIC", "-shared", "rows.c", "-o", "rows.so"]

@@ -68,6 +68,17 @@ def test_those_of_an_sdf_too(tmp_path):
     assert any(line.startswith("<visual> of a cone") for line in found.left_out)
 
 
+def test_geoms_without_a_colour_have_that_of_their_material(tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")
+    (tmp_path / "shown.xml").write_text("""<mujoco model="shown"><asset><material name="steel" rgba="0 0 1 1"/></asset>
+      <worldbody><body><joint type="hinge" axis="0 1 0"/>
+        <geom type="sphere" size="0.1" material="steel"/>
+        <geom type="sphere" size="0.2" pos="1 0 0" material="steel" rgba="1 0 0 1"/>
+        <geom type="sphere" size="0.3" pos="2 0 0"/></body></worldbody></mujoco>""")
+    found = codegen.import_model(tmp_path / "shown.xml")
+    assert [v[3] for v in visuals(found)] == ["#0000ff", "#ff0000", "#808080"]
+
+
 def test_meshes_of_an_mjcf_are_where_mujoco_has_them(tmp_path):
     """MuJoCo moves the vertices of a mesh to its principal axes; the file has them where they were."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from .. import checks
-from ..entries import Entry
 from ..expressions import Expression
 from ..parts import Instance
 from ..positions import Path_
@@ -52,9 +51,9 @@ def check_sizes(reader: Reader, type_: str, at: Instance, sub: Path_, bound: Bou
                 reader.report(at, (*sub, *path), message)
 
 
-def _sizes(entry: Entry, sub: Path_, bound: Bound) -> tuple[Expression, ...]:
+def _sizes(entry: Any, sub: Path_, bound: Bound) -> tuple[Expression, ...]:
     found: list[Expression] = []
-    for key in SIZES[entry.type]:  # type: ignore[attr-defined]
+    for key in SIZES[entry.type]:
         value = getattr(entry, key)
         if isinstance(value, tuple):
             found += [bound[*sub, key, i] for i in range(3)]
