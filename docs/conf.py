@@ -1,6 +1,13 @@
-"""The documentation site: ``python -m sphinx -W docs build/site``."""
+"""The documentation site: ``npm install --prefix docs && python -m sphinx -W docs build/site``."""
+
+import sys
+from pathlib import Path
+
+from sphinx.util import logging
 
 from codegen.version import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))  # for command_line
 
 project = "ordernm"
 author = "The ordernm developers"
@@ -14,9 +21,10 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
+    "command_line",
     "sphinx_copybutton",
 ]
-exclude_patterns = ["build"]
+exclude_patterns = ["build", "node_modules"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
@@ -26,6 +34,15 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # numpydoc's sections have shapes and units
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
+
+MATHJAX = "node_modules/mathjax/es5/tex-svg.js"  # one file that needs no fonts: the site works offline
+mathjax_path = Path(MATHJAX).name
+html_static_path = [MATHJAX]
+if not (Path(__file__).parent / MATHJAX).exists():
+    html_static_path = []
+    logging.getLogger(__name__).warning(
+        "docs/%s is missing, so equations are not typeset; run: npm install --prefix docs", MATHJAX
+    )
 
 html_theme = "furo"
 html_title = f"ordernm {release}"
