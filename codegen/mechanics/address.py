@@ -87,7 +87,7 @@ class SystemAddresses(Addresses):
     def tables(self) -> list[IndexTable]:
         return [self.links, *([] if self.units is self.links else [self.units]), self.elements]
 
-    # -- what a block's functions are called for ---------------------------------------------------------------------
+    # -- instances of a kind ----------------------------------------------------------------------------------------
 
     def table(self, sweep: str) -> IndexTable:
         spec = SWEEP[sweep]
@@ -196,7 +196,8 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """Table column (name, values) with the first entry of each link, or (True) of each loop, in arguments and results."""
+        """Table column (name, values) with the first entry of each link, or of each loop (key True), in arguments and
+        results."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)

@@ -37,7 +37,7 @@ precision, like all margins here."""
 
 
 class ZeroPivotError(ValueError):
-    """Nothing outboard of a joint can have inertia about it."""
+    """Raised if nothing outboard of a joint can have inertia about it."""
 
     def __init__(self, kind: LinkKind | RegionKind):
         super().__init__("nothing outboard of the joint has inertia about it")
@@ -76,7 +76,7 @@ OF_SOURCES = PivotFields(
 
 @dataclass(slots=True)
 class SymmetricSystem:
-    """Forces ``Q a + p`` for unknown accelerations a.
+    """The symmetric system of forces ``Q a + p`` for unknown accelerations a.
 
     Attributes
     ----------
@@ -173,9 +173,10 @@ def eliminate_force(
     x: Scope, kept: PivotFields, right: Store, j: int, s: Column, P: Vector, tau: Value, labels: Sequence[str],
     left: range | None = None, rotor: Value = 0,
 ) -> None:  # fmt: skip
-    """The elimination for another right side, along directions: ``r = tau - s . P``, ``P += G r``. Changes P.
+    """Eliminate a degree of freedom for another right side, over directions: ``r = tau - s . P`` and, in place, ``P +=
+    G r``.
 
-    `right` is the field of its right sides.
+    `right` is the store that receives ``r / D``.
     """
     r = x.let("r", tau - s.along(P), "d Eq. 53", lanes=True)
     driven = x.let("rD", r * x.load(kept.store, kept.inverse(j)), "d Eq. 53", lanes=True)
@@ -202,11 +203,12 @@ def substitute(
     geared: bool = False,
     of: str = "",
 ) -> Value:
-    """The acceleration of a degree of freedom, ``r / D - G . a``; call for the one eliminated last first. Changes a.
+    """Acceleration of a degree of freedom, ``r / D - G . a``; adds its effect to a in place. Call in reverse order of
+    elimination.
 
-    `right` is ``r / D`` or its field; `geared`: there is a rotor; `of` is the prefix of equation tags.
+    `right` is ``r / D`` or the store that contains it; `geared`: there is a rotor; `of` is the prefix of equation tags.
     """
-    # without a rotor s . G = 1, so a cancels along s, and only the other components' remainder counts
+    # without a rotor s . G = 1: the leading component of a then enters only through a - s a_lead
     G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
     value = x.load(right, kept.right_side(j)) if isinstance(right, Store) else right
     for i, gain in enumerate(G):

@@ -26,8 +26,8 @@ from .structure.kinds import UnitKind
 from .sweeps import FALLING, INWARD, SWEEP, transpose_name
 
 LONGEST, LONGEST_ALONG = 1000, 300
-"""Largest number of symbols read by a merged sweep, since compilers take long for long functions. The second is for sweeps over
-directions: in short loops only, values common to all directions stay in registers."""
+"""Largest number of symbols that a merged sweep may read, since compilers take long for long functions. The second
+limit is for sweeps over directions: only in short loops do values common to all directions stay in registers."""
 
 OF_LINKS = RECORD, KEPT[RECORD], SLOT
 """Memory that the ground has as well as links."""
@@ -56,8 +56,8 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
             )
     slots, gravity = program.slots, program.system.gravity
     if gravity is None or not any(n in gravity.shape.varying for s in FALLING for n in slots.get(s, ())):
-        # a varying gravity puts its tangent into the ground's slot, whose fields then stay
-        # formulas use the ground's slot of a sweep and of its transpose alike, so both keep the same fields
+        # A varying gravity puts its tangent into the ground's slot, so the fields of this slot stay. Formulas use the
+        # ground's slot of a sweep and of its transpose alike, so both keep the same fields.
         both = {s: [x for x in slots if _base(x) == _base(s) and x in program.blocks] for s in slots}
         slots = {
             s: [n for n in of if any(x not in found or (SLOT, n) in found[x].names for x in both[s])]

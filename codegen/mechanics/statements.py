@@ -32,8 +32,8 @@ UNROLLED_LINKS = 8
 """Models with at most this many links get one function per link by default."""
 
 DIFFERENT_LINKS, DIFFERENT = 12, 0.75
-"""So do models with at most this many links if at least this fraction of them are of different kinds, since the code is then
-hardly longer."""
+"""Larger models, with at most this many links, also get one function per link if at least this fraction of the links
+are of different kinds: the code is then hardly longer."""
 
 
 def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:

@@ -270,7 +270,7 @@ def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
 
 
 FALLING = ("balance_out", "inverse_out")
-"""Sweeps that begin with the tangent of the ground's acceleration."""
+"""Sweeps that begin with the tangent of the acceleration that represents gravity."""
 
 GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
 """Merged sweeps of the balance's transpose; the last includes the transpose of the completion of seeds."""

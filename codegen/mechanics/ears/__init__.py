@@ -1,1 +1,2 @@
-"""Closed loops, as ears: blocks of the links that close them. See the ear decomposition of a graph (Whitney 1932)."""
+"""Closed loops: blocks of the ears, the groups of links that close them (ear decomposition of a graph, Whitney
+1932)."""

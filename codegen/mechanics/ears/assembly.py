@@ -1,7 +1,8 @@
 """Residuals of loops in position and velocity, and Newton's step of the dependents, which closes them.
 
-Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided by the
-characteristic length. The residual of a rotation is 2 sin(t/2), which grows up to half a turn; a sine would vanish there again.
+Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided
+by the characteristic length. The residual of a rotation by t is 2 sin(t/2), which grows up to half a turn; sin(t) would
+vanish there.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half the angle of a rotation; below this bound the angle counts as half a turn."""
+"""Squared cosine of half the angle of a rotation, below which the rotation counts as half a turn."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
@@ -41,7 +42,8 @@ def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
 def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
     """Residual of every loop: rotation vector, to first order near closure, and displacement from start to end face.
 
-    Also a flag for every loop, 1 at half a turn: the direction of its rotation vector, of length 2, is then arbitrary.
+    Also returns a flag for every loop, 1 at half a turn: the rotation vector then has length 2 and an arbitrary
+    direction.
     """
     found: list[Twist] = []
     halves: Vector = [0] * len(ear.kind.closures)
@@ -95,7 +97,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
 
 
 def newton_step(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
+    """Outward block of an ear: displacements of its dependent joints that close its loops to first order."""
     ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps, _ = face_differences(x, ear)
     roots = [root.step() for root in ear.roots]

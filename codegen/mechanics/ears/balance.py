@@ -1,10 +1,10 @@
 """The balance through an ear: tangents of its inverse dynamics at fixed udot. Section 4.6 of the theory page.
 
-Motions and forces have components along the links' own axes, like those of plain links: a link's inertia is constant there, and
-only its joint rotates. Only quantities at a cut are rotated into the region's axes, and the loops' wrenches back.
-Outward, the acceleration closure is differentiated. Inward, the loops carry the wrench that closes them, and the residual
-along the dependent joints is projected onto the sources by the same map ``Y``: no multiplier is ever solved for along a
-direction.
+Motions and forces have components along the links' own axes, like those of plain links: a link's inertia is constant
+there, and only its joint rotates. Only quantities at a cut are rotated into the region's axes, and the loops' wrenches
+are rotated back. Outward, the acceleration closure is differentiated. Inward, the loops carry the wrench that closes
+them, and the residual along the dependent joints is projected onto the sources by the same map ``Y``: no multiplier is
+ever solved for along a direction.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
 
 
 def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
-    """Motion of a link along its own axes, from its parent's motion and the joint's udot. Eqs. 18-21."""
+    """Motion of a link along its own axes, from its parent's motion and the udot of its joint. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
     w = joint.turning(carried)
@@ -165,7 +165,7 @@ def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
 
 
 def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Value]:
-    """Tangents of the roots' velocities, for joints that slide."""
+    """Tangents of the roots' velocities, for ears with joints that slide."""
     found: dict[Symbol, Value] = {}
     for root, twist in zip(ear.roots, velocities, strict=False):
         found.update(tangents_of(twist.six, root.velocity_tangent(True)))
@@ -184,7 +184,8 @@ def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> Non
 
 
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
-    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents.
+    """Inward block over directions: forces transmitted by the joints, wrenches that close the loops, and the tangents
+    of both.
 
     Residuals of the forces along the joints are projected onto the sources. Eqs. 9, 45, 50.
     """
@@ -227,9 +228,11 @@ def add_closing_wrenches(
 def begin_inward(
     x: Scope, kind: EarKind, moving_shares: bool = False
 ) -> tuple[EarGeometry, list[Condition], EarTangents]:
-    """Geometry and conditions of an ear, and tangents of the levers and attitudes that propagate forces.
+    """Geometry and conditions of an ear for complete seeds, and tangents of the levers and attitudes that propagate
+    forces.
 
-    Seeds are complete. `moving_shares`: factors of conditions on points, one over their gradients, are differentiated, too.
+    With `moving_shares`, the factors of conditions on points, one over the length of the gradient, are differentiated
+    too.
     """
     ear = EarGeometry(x, kind)
     if moving_shares:
@@ -246,7 +249,8 @@ def begin_inward(
 
 
 def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
-    """Required forces of the links plus contributions of other links; and tangents, of required forces in the field `tangent`."""
+    """For each link, the force that it requires plus contributions of other links; and the tangent, with that of the
+    required force from the field `tangent`."""
     phi: list[Vector] = []
     d_phi: list[Vector] = []
     for k in range(len(kind.links)):
@@ -298,14 +302,14 @@ def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = Fal
         return (x.entry(DHELD[k], 0) if link.held else 0) - driven_rotor_change(view, link)
     force = (x.entry(DTAU[k], j) if link.forced[j] else 0) - rotor_force_change(view, link, j)
     a = rotor(view, link, j)
-    if is_zero(a) or j not in kind.dependent[k]:  # independent accelerations are held
+    if is_zero(a) or j not in kind.dependent[k]:  # udot of an independent degree of freedom is held
         return force
     rate = x.entry(DUDOT[k], j) if found else x.load(MY_LANE[k], fields.dependent_acceleration(j))
     return force - a * rate
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The model's own force along a degree of freedom minus the force of its rotor."""
+    """The model's own force along a degree of freedom, minus the force of its rotor."""
     return transmitted_along(MemberView(x, k), kind.links[k], j)
 
 

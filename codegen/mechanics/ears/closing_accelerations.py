@@ -23,7 +23,8 @@ def closing_accelerations(
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
-    """Values of the conditions for accelerations of faces and joints; conditions' directions rotate. Eq. 31."""
+    """Values of the conditions for accelerations of faces and joints, including the rotation of the conditions'
+    directions. Eq. 31."""
     slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
     at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []
@@ -33,7 +34,7 @@ def closing_accelerations(
             result.append(x.let(name, value + row.share * bent, "Eq. 31"))
             continue
         w = relative[row.loop]
-        for weight, c, d in row.turning:  # c rotates with the end: ((w x c) x d) . w
+        for weight, c, d in row.turning:  # c rotates with the end face: ((w x c) x d) . w
             turned = [x.let("nd", v, "Eq. 31") for v in cross([x.let("nc", v, "Eq. 31") for v in cross(w, c)], d)]
             value = value + weight * x.let("nrate", dot(turned, w), "Eq. 31")
         result.append(x.let(name, value, "Eq. 31") if row.turning else value)
@@ -43,7 +44,7 @@ def closing_accelerations(
 def cut_accelerations(
     x: Scope, ear: EarGeometry, face: FaceMotion, joints: Sequence[Vector], slips: list[Twist]
 ) -> tuple[list[Twist], list[Vector]]:
-    """Differences of the faces' accelerations at every cut, and their angular velocities. Eq. 31.
+    """Relative accelerations and angular velocities of the faces at every cut. Eq. 31.
 
     For conditions that rotate with the start face, the joint's own remainder is subtracted.
     """
@@ -91,7 +92,8 @@ def universal_bias(
 ) -> Vector:
     """For a universal joint with axes a and b: ``d/dt (n . w_rel)``, n = a x b, as an angular vector along n.
 
-    `angular` contains ``- w_a x w_rel``, which is right for directions fixed in the start face; n rotates with both faces.
+    `angular` contains ``- w_a x w_rel``, which is right for directions fixed in the start face, but n rotates with both
+    faces.
     """
     a, b = ear.universal_axes(c)
     # d n/dt = (w_a x a) x b + a x (w_b x b) = w_a x n + a x (w_rel x b)

@@ -28,12 +28,13 @@ from .orthogonal import Factor, factor, load_factor
 
 
 def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
-    """Sources that are degrees of freedom of the ear's own links: number to link and degree of freedom."""
+    """Sources that are degrees of freedom of the ear's own links: maps the source's number to link and degree of
+    freedom."""
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
 def dependents(kind: EarKind) -> list[tuple[int, int]]:
-    """Link and index of the dependent degrees of freedom."""
+    """Dependent degrees of freedom, each as link and index."""
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
@@ -42,7 +43,7 @@ def _of_unit(own: tuple[int, int] | None, k: int, j: int) -> int:
 
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
-    """Outward block of an ear: see the module. Returns the form of the factor, for the blocks that load it."""
+    """Outward block of an ear (see the module); returns the form of the factor for the blocks that load it."""
     ear = EarGeometry(x, kind, fresh=True)
     tag = "Eq. 34"
     rows = counted_conditions(ear)
@@ -70,7 +71,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
                 at_cuts[n] = at_cuts[n].plus(moved)
         b = components_along(ear, kept_rows, at_cuts, "b", "Eq. 36")
         if own is None and all(root.vanishes for root in roots):
-            # zeros are stored too: links of this kind may be in other ears, in which the source moves them
+            # zeros are stored too: other links of this kind may be in ears in which the source moves them
             for d in range(len(dependents)):
                 x.store(EAR, fields.dependent_rate(d, c), 0)
             for k in range(len(ear.members)):
@@ -100,7 +101,8 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
 
 
 def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
-    """Attitude, position and velocity, as from `link_motion`, of links of an ear on which other loops close. Eqs. 18, 22."""
+    """Attitude, position and velocity (as from `link_motion`) of the links of an ear on which other loops close. Eqs.
+    18, 22."""
     kind = ear.kind
     for k, link in enumerate(kind.links):
         if link.closed_on == "origin":
@@ -152,7 +154,7 @@ def root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def named_root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots as symbols of their own, even if they are copies: their tangents are known."""
+    """Velocities of the roots as separate symbols, even if they are copies: their tangents are known."""
     found = []
     for twist in root_velocities(ear):
         named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]

@@ -276,9 +276,10 @@ def with_parameters(x: Scope, row: Condition, value: Value) -> Value:
 
 
 def seed_residuals(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: residuals that complete seeds leave in all conditions of the loops' joints.
+    """Outward block over directions: residuals of the loops' conditions that remain along complete seeds.
 
-    Only redundant conditions can have a residual, for example if a parameter bends a planar loop out of its plane.
+    Only a redundant condition can have a residual, for example if a parameter moves a joint out of the plane of a
+    planar loop.
     """
     ear = EarGeometry(x, kind)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}

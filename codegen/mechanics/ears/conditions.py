@@ -54,7 +54,8 @@ class Condition:
 
 
 def counted_conditions(ear: EarGeometry) -> list[Condition]:
-    """The conditions of all loops, without dropped ones. Linear ones are divided by the characteristic length."""
+    """The conditions of all loops, without the dropped ones; linear conditions are divided by the characteristic
+    length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
         rows = _of_joint(ear, c, ear.x.number(ear.kind.scale), True)
@@ -76,7 +77,8 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 
 
 def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
-    """Conditions of a loop joint: along the region's axes if all directions are constrained (`counted`), or the start face's."""
+    """Conditions of a loop joint: along the region's axes if all directions are constrained (`counted`), otherwise
+    along the start face's axes."""
     closure = ear.kind.closures[c]
     if closure.is_coupling:  # a coupling's value is the first of three components, see `ears.couplings`
         return [Condition(c, True, [1, 0, 0])]
@@ -94,7 +96,7 @@ def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Con
 
 
 def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Condition]:
-    """Conditions on a point: linear ones along the gradients of its equations."""
+    """Conditions on a point: each is a linear condition along the gradient of its equation."""
     found = []
     for i in range(len(ear.kind.closures[c].surfaces)):
         surface = SurfaceCondition(ear, c, i)
@@ -123,7 +125,8 @@ def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list
 
 
 def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
-    """All conditions of a loop joint whose faces may be apart; valid with their rates even if dropped conditions are open."""
+    """All conditions of a loop joint whose faces may be apart. Residuals and rates are valid even if dropped conditions
+    are not met."""
     closure = ear.kind.closures[c]
     s = ear.face_axes(c, 0)
     found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]
@@ -152,7 +155,7 @@ def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
 def components_along(
     ear: EarGeometry, rows: Sequence[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
 ) -> Vector:
-    """Components of motions at the cuts along the directions of the conditions."""
+    """Components of motions at the cuts along the conditions' directions."""
     result: Vector = []
     for row in rows:
         v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear
@@ -161,7 +164,8 @@ def components_along(
 
 
 def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Moment and force of a loop: its multipliers times `along`, the directions of its conditions or their changes."""
+    """Moment and force of a loop: multipliers times `along`, the directions of its conditions or the changes of these
+    directions."""
     found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
     for row, value, n in zip(rows, multipliers, along, strict=True):
         if row.loop == c:

@@ -53,7 +53,8 @@ def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
 
 @dataclass(slots=True)
 class CouplingForces:
-    """Forces of couplings along coordinates, with opposite sign, by link and degree of freedom; and their tangents.
+    """Forces of couplings along coordinates, with opposite sign, by link and degree of freedom; and the tangents of
+    these forces.
 
     The tangents hold the multipliers fixed, as for the loops' wrenches.
     """
@@ -62,7 +63,7 @@ class CouplingForces:
     tangents: dict[tuple[int, int], Value] = field(default_factory=dict)
 
     def add(self, ear: EarGeometry, c: int, rows: Sequence[Condition], multipliers: Vector, d: EarTangents) -> None:
-        """The forces of one coupling, with opposite sign. Eq. 9."""
+        """Add the forces of one coupling, with opposite sign. Eq. 9."""
         for row, value in zip(rows, multipliers, strict=True):
             if row.loop == c:
                 for t, place in enumerate(ear.kind.closures[c].terms):

@@ -22,7 +22,7 @@ TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
 
 
 def _store(kind: RegionKind, m: int, lanes: bool = False) -> Store:
-    """The record (or slot) of a far link; m is its position among the partners, -1 for the ground."""
+    """The record (or slot) of a far link; m is the link's position among the partners, -1 for the ground."""
     return (LGROUND if lanes else GROUND) if m < 0 else partner_store(kind, m, lanes)
 
 
@@ -63,7 +63,7 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
         theta = x.let_vector("th", minus(theta, theta_base), "d Eq. 22", lanes=True)
         d = x.let_vector("d", minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", lanes=True)
         if m >= 0:
-            # W v rotates with theta as well
+            # W v also rotates by theta
             w, v = (x.let_vector("own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
             dw, dv = add(dw, cross(theta, w)), add(dv, cross(theta, v))
         carried = add(dv_base, cross(dw_base, o), cross(w_base, d))
@@ -76,7 +76,8 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
 def far_motions(
     x: Scope, kind: RegionKind, own: MotionFields = fields.remainder, found: MotionFields = fields.far_remainder
 ) -> None:
-    """Angular velocity and accelerations of far links relative to the ground, rotated from their axes into the region's."""
+    """Angular velocity and accelerations of far links relative to the ground, rotated from the links' axes into the
+    region's."""
     for f, m in enumerate(kind.far):
         far, W = _store(kind, m), x.load(REGION, fields.far_attitude(f))
         w, al = [list(ZERO) for _ in range(2)]
@@ -90,7 +91,8 @@ def far_motions(
 
 
 def far_own_motions(x: Scope, kind: RegionKind) -> None:
-    """Motion of far links relative to the ground along their own axes, with total accelerations, and its tangents.
+    """Motion of far links relative to the ground along their own axes, with total accelerations, and the tangent of
+    this motion.
 
     Fields ``far0.ow``, ``far0.oal``, ``far0.oa``, ``far0.oB``; the ground has its acceleration only.
     """

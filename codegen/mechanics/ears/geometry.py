@@ -221,7 +221,8 @@ class EarGeometry:
         return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
 
     def coupled(self, c: int, values: Sequence[Vector], name: str, tag: str) -> Twist:
-        """Value of a coupling for speeds or accelerations of joints, by link and degree of freedom; see `ears.couplings`."""
+        """Value of a coupling for given speeds or accelerations of joints, by link and degree of freedom; see
+        `ears.couplings`."""
         total: Value = 0
         for t, (k, j) in enumerate(self.kind.closures[c].terms):
             total = total + self.ratio(c, t) * values[k][j]
@@ -246,7 +247,7 @@ class EarGeometry:
         return found
 
     def column(self, member: int, freedom: Freedom) -> list[Twist]:
-        """Contribution of a degree of freedom to the difference at every cut."""
+        """Contribution of a degree of freedom to the relative motion of the faces at every cut."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             total = Twist([0, 0, 0], [0, 0, 0])
@@ -266,7 +267,7 @@ class EarGeometry:
         return found
 
     def root_difference(self, roots: list[Twist]) -> list[Twist]:
-        """Contribution of the motion of the roots at every cut, with all joints of the ear locked."""
+        """Contribution of the motion of the roots to that at every cut, with all joints of the ear locked."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             start, end = (
@@ -281,7 +282,8 @@ class EarGeometry:
         return [(k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]]
 
     def coefficients(self, dependent: Vector, independent: Callable[[int, int], Value] | None = None) -> list[Vector]:
-        """For each link, values of its degrees of freedom: listed for dependent ones, by a function for the others."""
+        """For each link, the rates of its degrees of freedom: listed values for dependent ones, values of a function
+        for the others."""
         found = [
             [0 if independent is None else independent(k, f.index) for f in m.freedoms]
             for k, m in enumerate(self.members)

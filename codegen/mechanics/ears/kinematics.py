@@ -43,7 +43,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
         across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
         for i, row in enumerate(W):
             if (j := _kept_axis(row)) is not None:
-                across[i] = J[j][j]  # equals the sum above; zero patterns need this entry as a single number
+                across[i] = J[j][j]  # equals the sum above; zero patterns need one number here
         more = x.let("ca", c - a, tag)
         mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
         return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])
@@ -53,7 +53,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
 
 
 def _axis_of_symmetry(J: Matrix) -> int | None:
-    """The axis of a diagonal inertia whose other two moments are the same constant."""
+    """The axis of symmetry of a diagonal inertia: the other two moments are the same constant."""
     if not all(is_zero(J[i][j]) for i, j in ((0, 1), (0, 2), (1, 2))):
         return None
     for axis in range(3):
@@ -105,7 +105,8 @@ def face_motion(
 
 
 def ear_kinematics(x: Scope, kind: EarKind) -> None:
-    """Outward block: motion with the sources at rest and dependent joints from closure, and the force that it requires."""
+    """Outward block: motion with the sources at rest and the dependent accelerations that closure requires, and the
+    required force."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     roots = [root.motion(False) for root in ear.roots]
@@ -128,7 +129,8 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
 
 
 def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool) -> None:
-    """Store the motions of an ear's links, with the sources at rest or `total`, and the forces that they require. Eq. 24."""
+    """Store the motions of an ear's links, either `total` or with the sources at rest, and the forces that they
+    require. Eq. 24."""
     motion, needed = (fields.ear_total, fields.ear_total_needed) if total else (fields.ear_remainder, fields.ear_needed)
     for k, m in enumerate(motions):
         me, constants = ME[k], link_constants(x, ear, k)

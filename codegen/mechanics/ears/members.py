@@ -17,7 +17,7 @@ from ..structure.kinds import LinkKind
 
 
 class MemberView(Scope):
-    """The scope of one link of an ear: constants, coordinates and records are those of this link."""
+    """The scope of one link of an ear: it provides the constants, coordinates and records of this link."""
 
     def __init__(self, x: Scope, place: int):
         super().__init__(x.title, x.tangents, x.units)
@@ -122,10 +122,10 @@ class Member:
 
     @property
     def speeds(self) -> Vector:
-        """Axes of the joint's degrees of freedom, or of a prescribed joint."""
+        """Speeds of the joint's degrees of freedom, or of a prescribed joint's coordinate."""
         return [self.joint.speed(f.index) for f in self.freedoms]
 
     @property
     def given_accelerations(self) -> Vector | None:
-        """Axis of a prescribed joint."""
+        """Acceleration of a prescribed joint's coordinate; None for other joints."""
         return [self.joint.known(ACCELERATION)] if isinstance(self.joint, Driven) else None

@@ -40,7 +40,7 @@ class Twist:
 
     @property
     def six(self) -> Vector:
-        """All components."""
+        """All six components, angular first."""
         return [*self.angular, *self.linear]
 
     @property
@@ -53,15 +53,15 @@ class Twist:
         return add(self.linear, cross(self.angular, lever))
 
     def plus(self, other: Twist) -> Twist:
-        """The sum."""
+        """The sum of two twists."""
         return Twist(add(self.angular, other.angular), add(self.linear, other.linear))
 
     def minus(self, other: Twist) -> Twist:
-        """The difference."""
+        """The difference of two twists."""
         return Twist(minus(self.angular, other.angular), minus(self.linear, other.linear))
 
     def times(self, s: Value) -> Twist:
-        """A multiple."""
+        """A multiple of the twist."""
         return Twist(scale(s, self.angular), scale(s, self.linear))
 
 
@@ -82,7 +82,7 @@ class Motion:
 
     @staticmethod
     def falling(a: Vector) -> Motion:
-        """A motion with an acceleration but no rotation."""
+        """A motion with an acceleration but without rotation."""
         return Motion(list(ZERO), list(ZERO), a, [list(ZERO) for _ in range(3)])
 
     def store(self, x: Scope, store: Store, fields: MotionFields) -> None:

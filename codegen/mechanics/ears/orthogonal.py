@@ -1,9 +1,9 @@
 """The closure matrix of an ear as Q R: modified Gram-Schmidt with a second pass, the stable form of Eqs. 33-38.
 
-The paper's recursion projects the motions of joints, one after the other, out of the remaining conditions. Here each column is
-projected twice, which leaves Q orthogonal to rounding for any condition. A column with one entry, and the second of
-two columns in a plane, need neither projection nor square root. With more conditions than rank, ``E x = b`` is solved in the
-least-squares sense: on consistent motion the redundant conditions agree.
+The paper's recursion projects the motions of joints, one after the other, out of the remaining conditions. Here each
+column is projected twice, which leaves Q orthogonal to rounding for any condition number. A column with one entry, and
+the second of two columns in a plane, need neither projection nor square root. With more conditions than rank, ``E x =
+b`` is solved in the least-squares sense: on consistent motion the redundant conditions agree.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Factor:
     inverse: Vector = field(default_factory=list)
 
     def solve(self, b: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
-        """``x`` of ``E x = b``, in the order of E's columns."""
+        """The solution ``x`` of ``E x = b``, in the order of E's columns."""
         let = self.x.let
         n = len(self.order)
         y = [let(f"{name}_y", inner(qj, b), tag, lanes=lanes) for qj in self.q]
@@ -63,7 +63,7 @@ class Factor:
         return self._sorted(found)
 
     def solve_transposed(self, g: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
-        """The shortest ``w`` of ``E^T w = g``."""
+        """The shortest ``w`` that satisfies ``E^T w = g``."""
         let = self.x.let
         z: Vector = []
         for j, column in enumerate(self.order):
@@ -83,8 +83,9 @@ class Factor:
     def store(self, rows: list[int], count: int) -> FactorForm:
         """Store the factor in the ear's record; returns its form, for `load_factor`.
 
-        `rows` are the numbers of E's rows among all `count` conditions. Fields are named by these numbers and by columns. On
-        zero patterns all fields are stored, since statements may show more zeros, and then another order of elimination.
+        `rows` are the numbers of E's rows among all `count` conditions. Fields are named by these numbers and by
+        columns. On zero patterns all fields are stored: statements may show more zeros, and the order of elimination
+        then differs.
         """
         if self.x.structural:
             for j in range(len(self.order)):
@@ -120,7 +121,7 @@ def load_factor(x: Scope, form: FactorForm) -> Factor:
 
 
 def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
-    """The unit vector normal to one, two or three orthonormal ones, in one dimension more than their number."""
+    """The unit vector normal to n given orthonormal vectors in n + 1 dimensions, n at most 3."""
     let = x.let
     if len(q) == 1:
         return [-q[0][1], q[0][0]]
@@ -137,7 +138,8 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
 
 
 def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
-    """Factor a matrix given by columns; those with few entries come first. Columns are of order one except near rank loss."""
+    """Factor a matrix given by columns; those with few entries come first. The length of a column is of order one,
+    except near a loss of rank."""
     let = x.let
     f = Factor(x)
     support = [[i for i, v in enumerate(c) if v != 0] for c in columns]
@@ -167,7 +169,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
                 for i in wide:
                     q = f.q[i]
                     c = let("R", inner(q, v), tag)
-                    if not again:  # the second pass finds rounding errors, also for R
+                    if not again:  # the coefficients of the second pass are rounding errors, in R too
                         f.R[i, j] = c
                     v = [let("E", v[k] - product(c, q[k]), tag) for k in range(rows)]
             left = [k for k in range(rows) if v[k] != 0]
@@ -186,7 +188,7 @@ def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Fact
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        # this check also reports a nearly zero column, of a joint that moves no face in this state
+        # this check also reports a nearly zero column: its joint moves no face in this state
         margin = let(
             "margin", square - x.number(limits().rounding(SMALLEST, 2)) * (x.number(size * size) + above), "rank"
         )

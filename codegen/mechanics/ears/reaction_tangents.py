@@ -1,10 +1,10 @@
 """Tangents of reactions, once the balance has found the tangent of udot. Section 6 of the theory page.
 
-Outward, the contribution of the change of udot is added to the force that every link's motion requires: the balance held udot.
-Inward, these forces are summed as in the balance, along the links' own axes. A loop's wrench changes with the directions
-that its joint constrains and by a change of its multipliers, ``E^T dW = -dgamma``: the residual of the dependent joints with W
-held, solved by the stored factor. Where conditions are redundant, W is the shortest, ``W = E z``, and the part of ``dE z`` that
-E does not reach is added.
+Outward, the contribution of the change of udot, which the balance held, is added to the force that every link's motion
+requires. Inward, these forces are summed as in the balance, along the links' own axes. A loop's wrench changes with the
+directions that its joint constrains and by a change of its multipliers, ``E^T dW = -dgamma``: the residual of the
+dependent joints with W held, solved by the stored factor. Where conditions are redundant, W is the shortest, ``W = E
+z``, and the part of ``dE z`` that E does not reach is added.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from .tangents import EarTangents
 
 
 def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
-    """Add the effect of accelerations, `rates` of a link's joint and `before` of its parent, to the force that the link requires.
+    """Add the effect of accelerations to the force that a link requires: `rates` of its joint, `before` of its parent.
 
     Returns the added acceleration of the link. Eqs. 19, 23.
     """
@@ -155,7 +155,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
 
 
 def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, d: EarTangents) -> Vector:
-    """``dE z`` minus the part that E reaches, where the shortest multipliers are ``W = E z``. Eq. 9."""
+    """The part of ``dE z`` that E does not reach, where the shortest multipliers are ``W = E z``. Eq. 9."""
     factor = stored_factor(x, ear.kind)
     z = [x.name("z", v, "Eq. 9") for v in factor.solve(wrench, "z", "Eq. 9")]
     d.hold(z)
@@ -173,7 +173,7 @@ def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Ve
 def store_loop(
     x: Scope, ear: EarGeometry, c: int, rows: list[Condition], wrench: Vector, d_wrench: Vector, d: EarTangents
 ) -> None:
-    """Tangent of a loop's reaction, which is the opposite of its multipliers' wrench."""
+    """Tangent of a loop's reaction, which is minus the wrench of its multipliers."""
     if ear.kind.closures[c].is_coupling:  # a coupling's reaction is one number, along the coordinate with factor 1
         own = [value for row, value in zip(rows, d_wrench, strict=True) if row.loop == c]
         for i in SIX:
@@ -199,7 +199,7 @@ def store_loop(
 def add_wrench_changes(
     x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]
 ) -> list[RootForce]:
-    """Add the effect of changes of the multipliers on the faces to `d_phi`, and to the forces on the roots."""
+    """Add the effect of changes of the multipliers at the faces to `d_phi` and to the forces on the roots."""
     more: list[Vector] = [[0] * 6 for _ in d_phi]
     on_roots: list[RootForce] = []
     for c, closure in enumerate(ear.kind.closures):
@@ -240,7 +240,7 @@ def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
     """Inward block over directions of a region: add its forces to the links on which it hangs."""
     transmitted: dict[int, tuple[Vector, Vector]] = {m: ([0] * 6, [0] * 6) for m in others(kind)}
     for f, m in enumerate(kind.far):
-        if m >= 0:  # the sum of the ears' forces is along the far link's axes
+        if m >= 0:  # the sum of the ears' forces on a far link is along that link's axes
             transmitted[m] = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
     for m, (force, tangent) in transmitted.items():
         add_partner_force(x, kind, m, force, fields.transmitted)

@@ -65,7 +65,7 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
             g[at + i] = x.let("g", g[at + i] - value, "d Eq. 45", lanes=True)
         if m < 0:
             continue
-        # the sum of the ears' forces is along the far link's axes
+        # the sum of the ears' forces on a far link is along that link's axes
         transmitted[m], b = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
         for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
             g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)

@@ -23,12 +23,12 @@ def place_of_base(kind: RegionKind) -> int:
 
 
 def system_size(kind: RegionKind) -> int:
-    """Unknowns of a region: its sources, and the six components of a base that carries it rigidly."""
+    """Number of unknowns of a region: one for each source, and six for a base that carries it rigidly."""
     return int(kind.total + (6 if kind.carried and kind.rigid else 0))
 
 
 def unknowns(kind: RegionKind) -> int:
-    """All unknowns: the region's own, and six of each partner."""
+    """Number of all unknowns: the region's own, and six for each partner."""
     return system_size(kind) + 6 * len(others(kind))
 
 
@@ -90,7 +90,7 @@ def region_system(x: Scope, kind: RegionKind) -> SymmetricSystem:
                     Q[c][first + k] = Q[first + k][c] = value
                 elif not at <= c < at + 6:
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + value, "Eq. 40")
-                elif c - at <= k:  # the base is also a partner: both rows and columns of its own block change
+                elif c - at <= k:  # the base is also a partner: both rows and columns of its block change
                     both = value + P[at + k][c - at]
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + both, "Eq. 40")
     return SymmetricSystem(x, kind, Q, g, OF_SOURCES, [""] * size)
@@ -127,7 +127,8 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
-    """Terms of forces along prescribed sources: their rows, times accelerations that are known before the region's own."""
+    """Terms of forces along prescribed sources: rows of the inertia, times accelerations that are known before the
+    region's own."""
     for c in kind.locked:
         x.store(REGION, fields.source_driving_rest(c), g[c])
         for i in range(kind.sources, len(g)):

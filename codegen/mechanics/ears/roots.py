@@ -1,11 +1,12 @@
 """Roots of an ear: the links on which its links and faces hang, with their positions, motions and forces.
 
-A root is the *frame* of the region, its base, along whose axes everything is given; the *ground*, if the base is a link; a *link
-of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). An ear reads the same quantities
-of all of them: attitude, position, motion per unit of a source, velocity, accelerations, displacements and Newton's step; and it
-adds forces to them. Vectors are along the region's axes, relative to its base, unless a method says otherwise.
+A root is one of four: the *frame* of the region (its base, along whose axes everything is given); the *ground*, if the
+base is a link; a *link of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). An ear
+reads the same quantities of all of them: attitude, position, motion per unit of a source, velocity, accelerations,
+displacements and Newton's step; and it adds forces to them. Vectors are along the region's axes, relative to its base,
+unless a method says otherwise.
 
-Displacements along directions are passed on in slots while seeds are completed; `kept` ones stay, in lanes.
+Displacements along directions are passed on in slots while seeds are completed; `kept` displacements stay in lanes.
 """
 
 from __future__ import annotations
@@ -110,7 +111,8 @@ class Root(ABC):
             add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
     def receive_own(self, force: Vector, tangent: Vector) -> None:
-        """As `receive`, for a moment and a force along the root's own axes, and their tangent."""
+        """Add a moment and a force along the root's own axes, and their tangent, to the region's sum; compare
+        `receive`."""
         for i in SIX if self.needs_force else ():
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
@@ -307,7 +309,7 @@ class FarLink(Root):
 
 
 BY_ROLE: dict[str, type[Root]] = {"frame": Frame, "ground": Ground, "link": EarLink, "far": FarLink}
-"""See `structure.kinds.EarKind.roots`."""
+"""Class of roots by role; see `structure.kinds.EarKind.roots`."""
 
 
 def roots_of(x: Scope, kind: EarKind, positions: VectorField = fields.ear_position) -> list[Root]:

@@ -3,7 +3,8 @@
 With s the position in the start face, F its axes and n = F grad f, the condition is linear like those of sliding joints,
 ``n . (velocity of the end relative to the start face) = 0``, but n moves along the surface: accelerations contain ``v . H v``
 as well. A distance is ``(r . r - l^2)/2 = 0``, r the vector between the points, and needs no axes of a face. Rows are
-divided by the size of the gradient at the present state. It is held along directions, since it multiplies residuals of zero.
+divided by the length of the gradient at the present state. This factor is held along directions, since it multiplies
+residuals of zero.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ from ..structure.surface_forms import SurfaceForm, part_number
 from .geometry import EarGeometry
 
 TINY = 1e-200
-"""Added to the square of a gradient: a vanishing gradient is reported as a row of zeros, without a division by zero."""
+"""Number added to the square of a gradient: a vanishing gradient then gives a row of zeros, which is reported, not a
+division by zero."""
 
 DIRECTED = 1e-16
-"""Smallest squared distance from a zero of the gradient, in squared characteristic lengths, that leaves it a direction."""
+"""Smallest squared distance from a zero of the gradient, in squared characteristic lengths; any closer, the gradient
+has no direction."""
 
 
 class SurfaceCondition:
@@ -54,7 +57,7 @@ class SurfaceCondition:
         self.place = slip if self.is_distance else self._own(slip, "at")
 
     def _own(self, v: Vector, name: str) -> Vector:
-        """Components of a vector along the axes of the start face."""
+        """Components, along the axes of the start face, of a vector given along the region's axes."""
         return [self.x.let(name, dot(axis, v), "Eq. 33") for axis in self.axes]
 
     def formula(self, expression: Expression, name: str) -> Value:
@@ -72,7 +75,7 @@ class SurfaceCondition:
 
     @cached_property
     def value(self) -> Value:
-        """The function, which is zero where the condition is met."""
+        """Value of the function, which is zero where the condition is met."""
         if self.is_distance:
             length = self._part(0)
             return self.x.let("f", self.x.half * (dot(self.place, self.place) - length * length), "Eq. 33")
@@ -100,7 +103,7 @@ class SurfaceCondition:
         return share
 
     def check_direction(self, entry: int) -> bool:
-        """Check that the gradient has a direction, where it may vanish; returns whether the check was needed."""
+        """Check that a gradient that may vanish has a direction; returns whether the check was needed."""
         x = self.x
         if self.is_distance:
             bend: Value = 1
@@ -143,7 +146,7 @@ class SurfaceCondition:
         return total
 
     def _parts(self) -> Sequence[int]:
-        """Numbers of the parts that may contain parameters."""
+        """Indices of the numbered parts that may contain parameters."""
         return [0] if self.is_distance else [i for i, _ in self.form.by_part]
 
     def _slope(self, i: int) -> Value:

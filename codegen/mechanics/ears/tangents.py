@@ -22,7 +22,7 @@ from .geometry import EarGeometry
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
-    """Tangents, by symbol, of values that are symbols, symbols with a minus sign, or numbers; none on zero patterns."""
+    """Tangents by symbol, for values that are symbols, negated symbols or numbers; none on zero patterns."""
     found: dict[Symbol, Value] = {}
     for value, moved in zip(values, tangents, strict=True):
         if isinstance(value, Symbol):
@@ -59,7 +59,7 @@ def ear_tangents(
 
 
 class EarTangents:
-    """Tangents of an ear's statements on zero patterns."""
+    """The tangents of an ear's statements on zero patterns, where no statement is written."""
 
     def __init__(self, angles: dict[int, Vector]):
         self.angles = angles
@@ -92,7 +92,7 @@ class EarTangents:
 
 
 class WrittenTangents(EarTangents):
-    """Tangents as statements; see `ear_tangents`."""
+    """Writes the tangents as statements; see `ear_tangents`."""
 
     def __init__(
         self,
@@ -224,7 +224,8 @@ class WrittenTangents(EarTangents):
                 self.d.statement(statement)
 
     def _as_values(self, symbols: Iterable[Symbol]) -> None:
-        """Differentiate primitives that other statements read as values, such as the cosine in a gradient."""
+        """Differentiate primitives that other statements read as values, such as the cosine in the gradient of a
+        condition."""
         for symbol in sorted(symbols, key=str):
             statement = self.primitives.pop(symbol, None)
             if statement is not None:

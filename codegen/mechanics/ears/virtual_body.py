@@ -86,7 +86,8 @@ def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
 
 
 def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Inertia of a link with all that it carries, and the force of its motion, along region axes about its origin."""
+    """Along region axes and about the link's origin: the inertia of a link with everything that it carries, and the
+    force that its motion requires."""
     member = ear.members[k]
     m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
     H = skew(x.load(ME[k], fields.ear_first_moment))
@@ -105,14 +106,14 @@ def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, 
 
 
 def apply_inertia(x: Scope, J: Matrix, H: Matrix, M: Matrix, A: Vector, name: str, tag: str) -> Vector:
-    """Moment and force of a generalised inertia at an acceleration."""
+    """Moment and force that a generalised inertia requires for an acceleration."""
     n = add(matvec(J, A[:3]), matvec(H, A[3:]))
     f = add(matvec(transpose(H), A[:3]), matvec(M, A[3:]))
     return [x.let(f"{name}n", e, tag) for e in n] + [x.let(f"{name}f", e, tag) for e in f]
 
 
 def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
-    """Motion of a link of an ear per unit of each source, without sources that do not move it."""
+    """Motions of a link of an ear per unit of each source, without the sources that do not move the link."""
     found = {
         c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
         for c in range(kind.total)

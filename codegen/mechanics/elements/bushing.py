@@ -7,8 +7,9 @@ the end is
 
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 
-Where the faces coincide, f and h are 0/0, but h is multiplied by a = 0, and f = 1. `SMALLEST` in s keeps the quotients finite.
-Their rounding errors, and those of their derivatives, are multiplied by a as often as they were divided by s.
+Where the faces coincide, f and h are 0/0, but h is multiplied by a = 0, and f = 1. `SMALLEST` in s keeps the quotients
+finite. The rounding errors of these quotients and of their derivatives get one factor of size s, from a, for each
+division by s.
 """
 
 from __future__ import annotations
@@ -21,13 +22,15 @@ from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from .element import Element, Law, Wrench
 
 SMALLEST = 1e-60
-"""Added to the square of a sine before division: far below rounding, but large enough that no quotient overflows."""
+"""Number added to the square of a sine before a division: far below rounding, but large enough that no quotient
+overflows."""
 NEARLY_HALF = 1e-12
 """Smallest 1 + cos(angle): an angle within 1.4e-6 rad of half a turn leaves no accurate axis."""
 
 
 class BushingLaw(Law):
-    """Coefficients that are zero leave no statements; no angle is computed without a stiffness or preload about an axis."""
+    """The law of a bushing: zero coefficients leave no statements, and no angle is computed without a stiffness or
+    preload about an axis."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         start, end = e.ends
@@ -119,7 +122,7 @@ class BushingLaw(Law):
 
     @staticmethod
     def _turn(e: Element) -> tuple[Vector, Value, Value, Value]:
-        """Sine times axis, cosine, square of the sine, angle over sine."""
+        """Of the rotation from start to end: sine times axis, cosine, square of the sine, and angle over sine."""
         start, end = e.ends
         half = e.x.half
         C = [e.vector("C", row) for row in matmul(transpose(start.axes), end.axes)]

@@ -272,7 +272,7 @@ class Element:
         end = self.ends[tree[2]]
         return (end.position if what == "position" else end.velocity)[tree[3]]
 
-    # -- what acts -------------------------------------------------------------------------------------------------
+    # -- forces on links ---------------------------------------------------------------------------------------------
 
     def on_links(self, wrenches: Sequence[Wrench]) -> list[tuple[Store, Vector]]:
         """Moment about the origin and force on each link, along its axes; the ground is left out."""

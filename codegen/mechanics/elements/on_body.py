@@ -8,7 +8,7 @@ from .element import Element, Law, Wrench
 
 
 class OnBodyLaw(Law):
-    """A force or a torque, whichever the element `acts` by, with components along the ground's or the body's axes."""
+    """A force or a torque (`acts`), with components along the axes of the ground or of the body."""
 
     def __init__(self, acts: str):
         self.acts = acts

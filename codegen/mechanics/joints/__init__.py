@@ -21,4 +21,5 @@ from .spherical import Spherical
 __all__ = ["DRIVEN_JOINTS", "LINK_JOINTS", "Column", "LinkJoint"]
 
 LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Cylindrical, Screw, Slides, Spherical, Revolute, Prismatic)
-"""The longest chains first: each link takes the longest part of the body's chain that one joint can represent."""
+"""Joint classes, longest chain first: each link takes the longest part of the body's chain that one class can
+represent."""

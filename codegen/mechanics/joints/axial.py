@@ -20,20 +20,21 @@ from .link_joint import LinkJoint, Primitives
 
 
 class Axial(LinkJoint):
-    """Rotates about the axis by the coordinate `angle`, unless this is None, and slides along it by `shift` if it `slides`."""
+    """A joint that rotates about its axis by the coordinate `angle` (None: no rotation) and, if it `slides`, slides
+    along it by `shift`."""
 
     slides: ClassVar[bool] = False
 
     def own_coordinate(self) -> Value:
-        """The coordinate of a joint with one degree of freedom."""
+        """The only coordinate of a joint with one degree of freedom."""
         return self.x.entry(COORDINATES, 0)
 
     def own_speed(self) -> Value:
-        """The rate of that coordinate."""
+        """The rate of the joint's only coordinate."""
         return self.x.entry(SPEEDS, 0)
 
     def own_change(self) -> Value:
-        """The change of that coordinate along a direction."""
+        """Change of the joint's only coordinate along a direction."""
         return self.x.entry(DQ, 0)
 
     # -- overridden by the joints ------------------------------------------------------------------------------------

@@ -42,7 +42,7 @@ class Column:
         return [self[i] for i in SIX[3:]]
 
     def along(self, v: Vector) -> Value:
-        """``s . v``."""
+        """Component of v along the column: ``s . v``."""
         total = v[self.lead]
         for i, s in self.others.items():
             total = total + s * v[i]
@@ -68,7 +68,8 @@ class Column:
         return x.let("rest", v[i] - self.others[i] * v[self.lead], "Eq. 53", lanes=lanes)
 
     def change(self, x: Scope, v: Vector) -> Value:
-        """``ds . v`` along a direction, due to the design parameters on which s depends."""
+        """Contribution of the column's change to ``s . v`` along a direction: ``ds . v``, due to the design parameters
+        on which s depends."""
         total: Value = 0
         for j, changes in enumerate(self.by):
             part: Value = 0

@@ -9,7 +9,7 @@ from .prismatic import Prismatic
 
 
 class Cylindrical(Prismatic):
-    """A cylindrical joint, represented by one link: both columns are constant along its axes."""
+    """A cylindrical joint, represented by one link: both partial velocities are constant along its axes."""
 
     motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
     freedoms, coordinates, angle = 2, 2, 1

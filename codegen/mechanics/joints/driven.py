@@ -42,7 +42,7 @@ class Driven(Axial):
         return self.x.entry(MOTION, order) if self.kind.moves[order] else 0
 
     def change(self) -> Value:
-        """The coordinate's change along a direction."""
+        """Change of the prescribed coordinate along a direction."""
         return self.x.entry(DMOTION, VALUE) if self.kind.moves[VALUE] else 0
 
     @property
@@ -66,7 +66,7 @@ class Driven(Axial):
     def coordinate(self, j: int) -> Value:
         return self.known(VALUE)
 
-    # -- in the place of coordinate, speed and seed ----------------------------------------------------------------
+    # -- replacing coordinate, speed and seed ----------------------------------------------------------------------
 
     def own_coordinate(self) -> Value:
         return self.known(VALUE)
@@ -107,4 +107,4 @@ class DrivenScrew(Driven, Screw):
 
 
 DRIVEN_JOINTS: Final[tuple[type[LinkJoint], ...]] = (DrivenScrew, DrivenRevolute, DrivenPrismatic)
-"""The longest chains first."""
+"""Joint classes with prescribed motion, longest chain first."""

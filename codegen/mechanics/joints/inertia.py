@@ -8,7 +8,7 @@ from ..spatial import dot, matmul, six, skew, symmetric, transpose
 
 
 def rotate_all(x: Scope, R: Matrix, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-    """The blocks of a generalised inertia along the axes to which R leads: ``R J R^T`` and likewise the others."""
+    """Blocks of a generalised inertia rotated by R: each block m becomes ``R m R^T``."""
 
     def named(m: Matrix, name: str) -> Matrix:
         return [[x.let(f"{name}{i}{j}", m[i][j], tag) for j in range(3)] for i in range(3)]

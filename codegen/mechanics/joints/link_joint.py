@@ -102,7 +102,7 @@ class LinkJoint(ABC):
 
     @cached_property
     def fixed(self) -> Matrix | None:
-        """Parent components from joint components; None for the identity."""
+        """Constant rotation from joint components to parent components; None for the identity."""
         return None if self.kind.aligned else self.x.load(CONSTANTS, fields.joint_attitude)
 
     def _let(self, name: str, value: Value, tag: str) -> Value:
@@ -217,7 +217,8 @@ class LinkJoint(ABC):
         """Angular and linear acceleration due to the joint with udot = 0, for the parent's angular velocity. Eqs. 20, 21."""
 
     def bias_change(self, change: Vector) -> tuple[Vector, Vector]:
-        """The change of `bias` with the parent's angular velocity: by default `bias` is linear in it."""
+        """Change of `bias` due to a change of the parent's angular velocity; by default `bias` is linear in that
+        velocity."""
         return self.bias(change)
 
     def rates(self) -> Vector:
@@ -254,5 +255,5 @@ class LinkJoint(ABC):
 
     @classmethod
     def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
-        """Tangent of a component of the joint's rotation vector; for a quaternion it is in `store`."""
+        """Tangent of a component of the joint's rotation vector; for a quaternion it is read from `store`."""
         raise TypeError(f"{cls.__name__} does not rotate, so it has no rotation component {component}")

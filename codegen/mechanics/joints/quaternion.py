@@ -18,7 +18,7 @@ from .link_joint import LinkJoint, Primitives
 
 
 class QuaternionJoint(LinkJoint):
-    """Rotates by a quaternion; the first three speeds are the angular velocity along the link's axes."""
+    """A joint that rotates by a quaternion; its first three speeds are the angular velocity along the link's axes."""
 
     quaternion: ClassVar[int]
 
@@ -67,8 +67,8 @@ class QuaternionJoint(LinkJoint):
         return self.x.load(MY_LANE, fields.turn(j))
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        # A partly dependent rotation keeps its given part along the other degrees of freedom. Without a dependent one, dq stays
-        # as given, including a change of the quaternion's length.
+        # If loops determine some degrees of freedom of the rotation, dq keeps its given components along the others. If
+        # they determine none, dq stays as given, including its change of the quaternion's length.
         if not any(j < 3 for j in found):
             return {}
         x, tag = self.x, "d Eq. 22"

@@ -15,7 +15,8 @@ from .records import Records, expressions_of, grounded
 
 
 def mass_properties(output: Output, system: System) -> Sequence[Expression]:
-    """Masses and mass centres of the output's bodies; of the bodies fixed to the ground if the output has no bodies."""
+    """Masses and mass centres of the bodies of an output; of the bodies fixed to the ground if the output names
+    none."""
     bodies = output.bodies or grounded(system)
     found = [] if output.bodies else expressions_of(system, bodies)
     for k in bodies:
@@ -24,7 +25,7 @@ def mass_properties(output: Output, system: System) -> Sequence[Expression]:
 
 
 def center(records: Records, bodies: Sequence[int], mass: Value, moment: Vector) -> Vector:
-    """Centre of mass of some bodies and of others, whose total mass and first moment are given."""
+    """Centre of mass of the listed bodies together with other bodies, whose total mass and first moment are given."""
     let = records.x.let
     for k in bodies:
         body = records.system.model.bodies[k]
@@ -50,7 +51,7 @@ def center_of_mass(records: Records, output: Output) -> Value:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """The sums over all links, if the output is for the whole system."""
+    """Names of the sums over all links that the output reads; none if it is for some bodies only."""
     return () if output.bodies else ("masses",)
 
 

@@ -12,7 +12,7 @@ from ..structure.system import System
 from .records import Records
 
 Write = Callable[[Records, Output], Value]
-"""Writes the statements of an output's value."""
+"""A function that writes the statements of an output's value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class RecordMeasure:
 
 @dataclass(frozen=True, slots=True)
 class FormulaMeasure:
-    """An expression of the model."""
+    """A measure computed by an expression of the model."""
 
 
 @dataclass(frozen=True, slots=True)

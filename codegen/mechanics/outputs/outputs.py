@@ -105,7 +105,8 @@ class RecordFormulas:
 
 
 def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str) -> Formula:
-    """A formula over the records of links, without rows: the values that `write` returns become consecutive entries."""
+    """A formula over the records of links, without rows: it stores the values that `write` returns in consecutive
+    entries."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     for i, e in enumerate(write(x, False)):
         x.set_entry(argument(target), i, e)

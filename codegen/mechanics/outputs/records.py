@@ -77,7 +77,7 @@ class Records:
         return [self.evaluate(e) for e in v]
 
     def direction(self, axis: ExpressionVector | None) -> Vector:
-        """An axis, normalised."""
+        """Unit vector along an axis of the model."""
         assert axis is not None
         v = self.vector(axis)
         known = [a for a in map(algebra.expression, v) if isinstance(a, algebra.Number)]

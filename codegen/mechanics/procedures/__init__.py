@@ -31,7 +31,8 @@ MOTIONS = ("state_rates", "state_rate_sensitivities")
 """Functions that only motions call; a solver without them integrates no motions."""
 
 FOUR = (4,)
-"""Additional number of directions for functions that integration calls; motions with two to four directions use it."""
+"""Number of directions for which functions that integration calls have an additional variant; motions with two to four
+directions use it."""
 
 ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "switch_sensitivities")
 """Functions that also have a variant for `FOUR` directions."""
@@ -97,7 +98,8 @@ def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | N
 
 
 def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The functions, and switching functions if motions need them; functions that depend on modes take modes."""
+    """The given functions, plus the switching functions if motions need them; functions that depend on modes take modes
+    as an argument."""
     names = {p.name for p in found}
     if not w.system.model.switches.found or "state_rates" not in names:
         return found

@@ -91,7 +91,8 @@ UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "colum
 
 
 def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
-    """Contribution of joint forces to derivatives of udot: the inverse mass matrix times derivatives of the forces."""
+    """Contribution of joint forces to the derivatives of udot: the inverse mass matrix times the derivatives of the
+    forces."""
     return _columns(w, {w.one("b").tangent("b"): ("u", None)}, UNIT_FORCES, w.one("dudot"), weighted)
 
 
@@ -109,7 +110,7 @@ def mass(w: Shared) -> AllColumns:
 def force_primitives(w: Shared) -> Primitives | None:
     """Derivatives of joint forces by coordinates, speeds and inputs; one direction serves several forces.
 
-    Arguments of the same force get different directions; None if there are too few directions for that.
+    Arguments of the same force get different directions. Returns None if there are too few directions.
     """
     model, system = w.system.model, w.system
     places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}

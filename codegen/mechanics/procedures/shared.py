@@ -92,7 +92,7 @@ class Shared:
     # -- what procedures share -------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Steps before sweeps, and before sweeps over directions."""
+        """Steps that run before the sweeps, and those that run before sweeps over directions."""
         u, dq, du = self.of("u", "dq", "du")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         motions = tuple(m.tangents() for m in self.motions)
@@ -126,7 +126,7 @@ class Shared:
             self.applied_tangents = (_performed("applied_force_tangents", "Their tangents along the seeds.", tangents),)
 
     def _solve(self) -> None:
-        """Forward dynamics, and its derivative."""
+        """Routines for forward dynamics and for its derivative."""
         forces = (*self.forces, *self.held)
         sweeps: tuple[Step, ...] = (*run("kinematics", "triangularize"), Check(), *run("back_substitute"))
         steps: tuple[Step, ...] = (*forces, *self.applied[:1], *sweeps)
@@ -144,11 +144,11 @@ class Shared:
         )
         udot = self.one("udot")
         self.solved: tuple[Step, ...] = (*self.begin, Own(udot), *self.forward)
-        """Steps that compute accelerations in memory of their own, and then their derivatives."""
+        """Steps that compute accelerations in separate memory; `solved_along` then computes their derivatives."""
         self.solved_along: tuple[Step, ...] = (*self.along, Own(udot.tangent()), self.balance)
 
     def _rest(self) -> None:
-        """Steps that reduce the dynamics to ``M udot``, and the tangent of this product."""
+        """Routines that reduce the dynamics to ``M udot``, and the tangent of this product."""
         u, tau, motion = self.of("u", "tau", "prescribed")
         moving = tuple(i for i in range(motion.size) if i % 3)  # rates and accelerations of prescribed coordinates
         stopped = (ZeroEntries(motion, moving),) if moving else ()
@@ -184,5 +184,5 @@ class Shared:
 
 
 def _performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
-    """A step that runs a routine with these steps."""
+    """A step that runs a routine made of these steps."""
     return Perform(Routine(name, doc, steps))

@@ -58,7 +58,7 @@ def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
 
 
 def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Procedure:
-    """From weights of a function's results to the gradients of the weighted sum.
+    """The transpose of a function: from weights of its results to the gradients of the weighted sum.
 
     Weights have the names of the derivatives, and gradients those of the seeds, since adjoints use the memory of directions.
     `once`: no other function transposes the balance, so its sweeps may be merged into two.

@@ -58,7 +58,7 @@ def split(
 ) -> Tree:
     """A tree whose largest subtrees that satisfy `is_part` are replaced by `part`, and its other names by `name`.
 
-    Numbers that determine structure (0, 1, -1, 2 and exponents) remain.
+    The numbers 0, 1, -1 and 2, and exponents, remain: they determine the structure.
     """
     if tree[0] == "number" and tree[1] in (0, 1, -1, 2):
         return tree
@@ -138,7 +138,8 @@ class Statements:
 
 
 def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") -> Value:
-    """The value of an expression as statements; on zero patterns, whether this value may differ from zero. Reads all operands.
+    """The value of an expression as statements; on zero patterns, whether this value may differ from zero. All operands
+    are read in either case.
 
     `leaf` gives the value of a name; `tag` is the equation of the statements.
     """

@@ -167,7 +167,7 @@ class ElementKind(SharedConstants):
     store = ELEMENT_CONSTANTS
 
     def no_value(self, what: str) -> ModelError:
-        """The error for coefficients that have no finite value or derivative in any state."""
+        """The error that reports coefficients without a finite value or derivative in any state."""
         path = f"forces.{self.first.name}"
         message = f"{what} has no value or no derivative (a division by zero? an overflow?) for any state; change it"
         return ModelError([self.model.problem(path, message)])
@@ -208,7 +208,7 @@ def placed_elements(
 ) -> list[PlacedElement]:
     """The force elements on bodies, in the model's order."""
     found = []
-    carriers = [*carriers, (GROUND, way_of_ground)]  # the last entry has the index `GROUND`
+    carriers = [*carriers, (GROUND, way_of_ground)]  # the index `GROUND` refers to this last entry
     first = {True: 0, False: 0}
     for element in model.loads:
         e = _placed(element, links, carriers, constants.evaluate, first[element.has_energy], model.switches.hold,
@@ -261,7 +261,7 @@ def _axis(axis: Axis | None, evaluate: NumberOf) -> Frame:
 def find_element_kinds(
     index: int, kind_of: Mapping[int, int], elements: Sequence[PlacedElement], model: Model
 ) -> list[ElementKind]:
-    """The kinds of elements, numbered from `index`; `kind_of` gives the kind of each link."""
+    """The kinds of force elements, numbered from `index`; `kind_of` gives the kind of each link."""
     found: dict[object, ElementKind] = {}
     owned: dict[int, list[Constants]] = {}
     for n, e in enumerate(elements):

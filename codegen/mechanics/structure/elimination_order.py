@@ -1,8 +1,9 @@
 """The order in which links and regions are eliminated, and the couplings that this causes. Section 4 of the theory page.
 
 An ear (graph.py) that starts from two moving links couples their accelerations by a 6x6 block of the equations of motion, the
-paper's two-argument inertia. When one of these links is eliminated, its block passes to its parent, until the path reaches the
-other. Going inward, the unit with the fewest couplings is eliminated first, so that few couplings exist at any time.
+paper's two-argument inertia. When one of these links is eliminated, its parent takes over the block, until the path
+inward reaches the other link. Going inward, the unit with the fewest couplings is eliminated first, so that few
+couplings exist at any time.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def find_elimination(
 
 
 class _Graph:
-    """Units with their predecessors, and the links that are coupled at the present stage of the elimination."""
+    """Units with their predecessors, and the couplings of links at the present stage of the elimination."""
 
     def __init__(
         self,
@@ -184,7 +185,7 @@ class _Graph:
                 self.touched[self.region_of_link[a]].add(a)
 
     def eliminate(self) -> tuple[list[Unit], list[tuple[set[int], int]]]:
-        """Units in outward order; for each, its partners and its carrying link."""
+        """Units in outward order, with the partners and the carrying link of each."""
         units = self.units
         needs = [self.hangs_on(unit) for unit in units]
         waiting = [0] * len(units)

@@ -1,4 +1,5 @@
-"""Structure of a factored closure matrix, without its numbers: `ears.orthogonal` determines it, other blocks load it."""
+"""Structure of a factored closure matrix, without its numbers: `ears.orthogonal` determines it, and other blocks load
+the factor by it."""
 
 from __future__ import annotations
 
@@ -42,4 +43,4 @@ class FactorForm:
 
 
 NO_FORM = FactorForm([], [])
-"""The form before factorisation."""
+"""The empty form, before the factorisation."""

@@ -78,7 +78,7 @@ def find_link_kinds(
 
 
 def total_sources(region: Region) -> int:
-    """Number of sources: independent speeds, and components of the motion of links."""
+    """Number of sources: independent speeds, plus six for each link whose motion is a source."""
     moving = 1 if region.carried and not region.rigid else len(region.far)
     return len(region.freedoms) + 6 * moving
 

@@ -194,7 +194,8 @@ class EarKind:
 
 @dataclass(slots=True, eq=False)
 class RegionKind:
-    """The common properties of regions of one kind, from which their blocks are written; see `EarKind`.
+    """The common properties of regions of one kind, from which their blocks are written; `EarKind` describes the other
+    attributes.
 
     Attributes
     ----------
@@ -220,15 +221,15 @@ class RegionKind:
 
     @property
     def free(self) -> list[int]:
-        """Sources whose accelerations are unknown."""
+        """Indices of the sources whose accelerations are unknown."""
         return [c for c in range(self.sources) if c not in self.locked]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """None: a region has no constants."""
+        """Always None: a region has no constants."""
         return None
 
     def alias_of(self, store: Store, name: str) -> str:
-        """The name itself: a region has no constants."""
+        """The name itself, since a region has no constants."""
         return name
 
 

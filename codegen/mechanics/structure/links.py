@@ -28,15 +28,15 @@ from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
 
 Evaluate = Callable[[Expression], Value]
 NumberOf = Callable[[Expression], float]
-"""Value of an expression at the default parameters."""
+"""The type of a function that gives the value of an expression at the default parameters."""
 Function = Callable[[Value], Value]
 Functions = Mapping[str, Function]
-"""Square root, cosine and sine, for numbers or symbols."""
+"""Types of square root, cosine and sine, for numbers or symbols."""
 Let = Callable[[str, Value], Value]
 Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
-"""Placement of a frame in another: origin, and rotations about the moving axes."""
+"""Type of the placement of a frame in another: origin, and rotations about the moving axes."""
 Carrier = tuple[int, tuple[Placement, ...]]
-"""The link that carries a body, and the placements from the link's body to that body."""
+"""Type of a body's carrier: the link that carries it, and the placements from that link's body to the body."""
 
 
 @dataclass(slots=True, eq=False)
@@ -211,7 +211,7 @@ class Part(NamedTuple):
 
 
 def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int] = ()) -> list[Part]:
-    """The joints of links that represent a chain of motions; each takes the longest possible part of the chain.
+    """Joints of links that represent a chain of motions; each takes the longest possible part of the chain.
 
     `triad`: the axes form a right-handed frame; only then may one link's joint have several axes. Prescribed coordinates (`held`)
     get links of their own.
@@ -244,7 +244,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """A part of the chain with this joint; None if their motions differ in more than the numbering of axes and coordinates."""
+    """The part of the chain that this joint can represent; None if their motions differ in more than numbering."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()
@@ -327,7 +327,8 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
 def turned_about(
     rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
 ) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
-    """A joint frame's rotation, with a last rotation by a number about the joint's own axis removed; and the removed angle.
+    """The rotation of a joint's frame without a last rotation by a number about the joint's own axis; and the angle of
+    that rotation.
 
     The angle is added to the joint angle: one addition instead of a constant rotation. Only one angle is removed, since a sum of
     several would be rounded. Quarter turns stay, since they cost nothing.
@@ -475,5 +476,5 @@ NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, nam
 
 
 def keep(name: str, value: Value) -> Value:
-    """The `let` for numbers, which need no names."""
+    """A `let` for numbers: it returns the value, since numbers need no names."""
     return value

@@ -18,7 +18,7 @@ from .constants import Leaf, Slots, Statements, make_shape
 from .links import NUMERIC, Evaluate, Functions, Let, NumberOf, keep
 
 Written = Callable[[Evaluate, Functions, Let], dict[str, Value]]
-"""Computes constants from the values of expressions, which are numbers or symbols."""
+"""Type of a function that computes constants from the values of expressions, which are numbers or symbols."""
 
 
 class Owner(Protocol):
@@ -35,7 +35,7 @@ class Owner(Protocol):
 
 
 class ModelConstants:
-    """The constants of a model, each set once.
+    """The constants of a model; equal ones are stored once.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class ModelConstants:
         self._by_key: dict[object, Constants] = {}
 
     def of(self, owner: Owner, *beside: object) -> Constants:
-        """The constants of an owner; owners share them only if the values `beside` are equal too."""
+        """The constants of an owner; two owners share them only if their values `beside` are equal too."""
         structure, expressions = owner.structure(), owner.expressions()
         key = (structure, beside, *map(id, expressions))
         found = self._by_key.get(key)

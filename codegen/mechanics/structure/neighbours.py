@@ -61,8 +61,8 @@ class Neighbours:
     def _followed(self) -> dict[int, str]:
         """Links that carry faces of loops of other regions, the links between these, and the one link that carries all of them.
 
-        The carrying link is the ``origin``, unless it lies between such links itself. Motions relative to the ground instead
-        would lose digits, for example on a distant satellite.
+        The carrying link is the ``origin``, unless it lies between such links itself. Motions relative to the ground
+        would lose digits, for example on a satellite far from the ground's origin.
         """
         regions = self.regions
         top: dict[int, int] = {}

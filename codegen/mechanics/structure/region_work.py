@@ -1,4 +1,5 @@
-"""Estimated multiplications for loops as one region and as separate regions, which decide between the two.
+"""Estimated multiplications for loops in one region and in separate regions; the choice between the two follows from
+them.
 
 Compared with the additions and multiplications generated for udot, for separate regions and one region (section 4.3 of the
 theory page): Delta robot, estimates 38 000 and 9 000, generated 44 000 and 17 000; Stewart platform, 7 300 and 6 600, generated
@@ -22,14 +23,14 @@ FEW_SOURCES = 5
 unknowns."""
 
 GAIN = 0.4
-"""With more speeds, loops form one region if this takes less than this fraction of the work of separate regions. Couplings are
-overestimated for planar mechanisms, and derivatives gain nothing."""
+"""With more speeds, loops form one region if this takes less than this fraction of the work of separate regions. The
+margin is wide because couplings are overestimated for planar mechanisms and derivatives gain nothing."""
 
 LINK_OF_TREE = 150
 """Multiplications for a link whose inertia is propagated as a six by six matrix."""
 
 TO_GROUND = 40
-"""Multiplications per unknown of a region to transform its column from the relative motion of a far link to its own motion."""
+"""Multiplications per unknown of a region that replace the relative motion of a far link by its own motion."""
 
 Freedom = tuple[int, int]
 """A link and one of its joint's degrees of freedom."""
@@ -80,7 +81,8 @@ class Freedoms:
         return ends.union(self.links[i].parent for i in bundle.members) - set(bundle.members)
 
     def alone(self, bundle: Bundle) -> Region:
-        """The region with this bundle as its only ear; its sources include the motion of the links from which it starts."""
+        """The region with this bundle as its only ear; its sources include the motions of the links from which it
+        starts."""
         outside = self.outside(bundle)
         moving = list(outside - {GROUND})
         # the description is shortest for the links that the base carries
@@ -137,7 +139,7 @@ def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> 
 
 
 def work_of_link(sources: int) -> float:
-    """Multiplications for the motion and the inertia of a link that this many sources move."""
+    """Multiplications for the motion and the inertia of a link that `sources` sources move."""
     return 3.0 * sources**2 + 36.0 * sources
 
 

@@ -1,4 +1,4 @@
-"""Ears and regions: which links are resolved together, and the order of all units. Section 4 of the theory page.
+"""Ears and regions: the links that are resolved together, and the order of all units. Section 4 of the theory page.
 
 An **ear** (of the ear decomposition of the loop graph, Whitney 1932) is a set of links on cycles that are resolved together: the
 new links of a loop or of a cluster of loops, or a single link whose joint is independent. A **region** is a set of ears whose
@@ -91,7 +91,7 @@ def find_regions(
 
 
 Coupled = dict[int, list[tuple[int, int]]]
-"""For each coupling among the loops: link and degree of freedom of each of its coordinates."""
+"""For each coupling, the link and the degree of freedom of each of its coordinates."""
 
 
 def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
@@ -120,7 +120,8 @@ def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[
 def _components(
     links: Sequence[Link], faces: Sequence[tuple[int, ...]], coupled: Coupled, partition: Partition
 ) -> list[tuple[list[Bundle], int]]:
-    """Groups of ears that share links on their cycles, directly or through other ears; with the link that carries each group.
+    """Groups of ears that share links on their cycles, directly or through other ears; and the link that carries each
+    group.
 
     Cycles are followed inward from both faces, up to links of an earlier ear, and then continue from the base of its group.
     Couplings come last, since paths between their joints pass through loops to whose links they are unrelated.

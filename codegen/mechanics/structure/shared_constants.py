@@ -49,7 +49,7 @@ class SharedConstants:
         return self.literal.get(name)
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """`number`, if the field belongs to the constants."""
+        """`number`, if the field belongs to the constants; otherwise None."""
         return self.number(name) if store is self.store else None
 
     def alias_of(self, store: Store, name: str) -> str:

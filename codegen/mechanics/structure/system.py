@@ -116,9 +116,9 @@ class System:
     def fields_of_gravity(self) -> dict[str, str]:
         """Components of the ground's record that gravity sets, each with the component of gravity.
 
-        Gravity enters the explicit part of the accelerations. Far out on a freely falling chain this part has become small, and
-        no large terms cancel there. If loops close on the ground or couple links, the ground has no explicit part, so
-        gravity enters the remainders.
+        Gravity enters the explicit part of the accelerations. At the far end of a freely falling chain this part is
+        small, so no large terms cancel there. If loops close on the ground or couple links, the ground has no explicit
+        part, so gravity enters the remainders.
         """
         if self.gravity is None:
             return {}
@@ -129,7 +129,7 @@ class System:
 
     @property
     def independent_links(self) -> bool:
-        """Every link is a unit: there are no loops."""
+        """Whether the model has no loops, so that every link is a unit."""
         return not self.regions.ears
 
     @property

@@ -1,11 +1,11 @@
 """Choice of the ground's axes, so that loops that close on it keep the simple form in which they were designed.
 
-Suppose that a planar mechanism is rotated in the world, so that all its bearings on the ground have the same rotation. Along the
-ground's axes its conditions have terms in all three directions, and rounding changes its lengths: a parallelogram whose sides
-differ in the last digit does not pass through its flat configuration. The ground therefore gets the axes of these bearings.
-Gravity, and positions and axes on the ground, are rotated to the new axes. The rotation of the bearings cancels symbolically.
-Rotating vectors that were rounded before leaves small numbers in place of zeros, and long ones in place of short decimals; these
-are restored.
+Suppose that a model file gives all bearings of a planar mechanism on the ground the same rotation. Along the ground's
+axes its conditions then have terms in all three directions, and rounding changes its lengths: a parallelogram whose
+sides differ in the last digit does not pass through its flat configuration. The ground therefore gets the axes of these
+bearings. Gravity, and positions and axes on the ground, are rotated to the new axes. The rotation of the bearings
+cancels symbolically. Rotating vectors that were rounded before leaves small numbers in place of zeros, and long ones in
+place of short decimals; `tidied` restores them.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _rotations_on_ground(model: Model) -> Iterator[Rotation]:
 
 
 def inverse(rotation: Rotation) -> Rotation:
-    """The inverse rotation."""
+    """The inverse of a rotation."""
     return tuple((axis, Expression(combine("neg", angle.tree))) for axis, angle in reversed(rotation))
 
 

@@ -35,7 +35,8 @@ def back_substitute(x: Scope, kind: LinkKind) -> None:
 
 
 def joint_accelerations(x: Scope, kind: LinkKind, A: Vector, store: Store, result: Store, lanes: bool) -> None:
-    """Solve for the joint's own speeds, the one eliminated last first. Eq. 53. Changes A."""
+    """Accelerations of the joint's degrees of freedom, in reverse order of elimination; adds their contribution to A in
+    place. Eq. 53."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     a = [*A, *(e for m in partners for e in partner_acceleration(x, kind, m, lanes))]
     if kind.joint.driven:

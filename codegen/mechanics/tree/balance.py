@@ -1,8 +1,9 @@
 """The balance ``M dudot = d(K - M udot)``: inward and outward sweeps over directions.
 
-Per direction (section 3 of the theory page) the tangent of the inverse dynamics at fixed udot goes outward
-(`inverse_dynamics.newton_euler_outward`). Inward, one sweep propagates its tangent and, in the same six numbers, the
-recursion of the bias force, with the factors of the triangularization. Outward again, back substitution.
+There are three sweeps per direction (section 3 of the theory page). The first goes outward and computes the tangent of
+the inverse dynamics at fixed udot (`inverse_dynamics.newton_euler_outward`). Inward, one sweep propagates its tangent
+and, in the same six numbers, the recursion of the bias force, with the factors of the triangularization. The third goes
+outward again: back substitution.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from .triangularization import constants_of_inertia, force_to_parent, labels_of,
 
 
 def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector) -> dict[int, Vector]:
-    """Recursion of the bias force at one joint (`elimination`); returns contributions to partners. Changes P. Eqs. 45, 53."""
+    """Update the bias force P in place for the elimination of one joint, and return the contributions to partners
+    (`elimination`). Eqs. 45, 53."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     whole = [*P, *([0] * 6 * len(partners))]
     for j in reversed(range(len(columns))):
@@ -96,7 +98,8 @@ def mass_outward(x: Scope, kind: LinkKind) -> None:
 
 
 def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value], tag: str) -> Vector:
-    """A link's acceleration over directions from its parent's and its own joint rates alone; stored for its children. Eq. 19."""
+    """Acceleration of a link over directions, from its parent's acceleration and its own components of x; stored for
+    its children. Eq. 19."""
     A = carry(joint, before, tag)
     for s, rate in zip(joint.columns, rates, strict=True):
         for i, value in s.added(A, rate).items():

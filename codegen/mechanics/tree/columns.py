@@ -110,7 +110,7 @@ def column_in(x: Scope, kind: LinkKind) -> None:
 
 
 def column_back(x: Scope, kind: LinkKind) -> None:
-    """Back substitution on links that a column does not rotate. Eqs. 53-55."""
+    """Back substitution for columns whose coordinate or speed does not rotate the link. Eqs. 53-55."""
     joint = kind.joint(x, kind, lanes=True)
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
@@ -119,7 +119,7 @@ def column_back(x: Scope, kind: LinkKind) -> None:
 
 
 def column_turn(x: Scope, kind: LinkKind) -> None:
-    """Back substitution on links that a column rotates."""
+    """Back substitution for columns whose coordinate or speed rotates the link."""
     joint = kind.joint(x, kind, lanes=True)
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
@@ -139,7 +139,7 @@ def column_turn(x: Scope, kind: LinkKind) -> None:
 
 
 def column_add(x: Scope, kind: LinkKind) -> None:
-    """The link's own changes, including the response of its joint."""
+    """Add the changes that the link's own coordinates and speeds cause, including the response of its joint."""
     for field, seed in (
         (fields.column_turning, fields.seed_turning),
         (fields.column_acceleration, fields.seed_acceleration),
@@ -161,7 +161,8 @@ def composite_seed(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_in(x: Scope, kind: LinkKind) -> None:
-    """Components of that force along the degrees of freedom of inboard links: the mass matrix."""
+    """Entries of the mass matrix: components of the force for a unit acceleration along the degrees of freedom of
+    inboard links."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j, s in enumerate(joint.columns):
@@ -172,7 +173,7 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, store: Store, value: Vector) -> None:
-    """Add to the force of columns; a force that is not stored is zero."""
+    """Add a wrench to the force of columns; components that are not stored are zero."""
     for part, e in zip(fields.column_force.scalars(), value, strict=True):
         if not is_zero(e):
             x.store(store, part, x.let("P", x.load(store, part) + e, "d Eq. 45", lanes=True))
@@ -184,7 +185,7 @@ def _carried(x: Scope, joint: LinkJoint) -> Vector:
 
 
 def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:
-    """Accelerations of the degrees of freedom, the one eliminated last first. Eq. 53."""
+    """Accelerations of the degrees of freedom, in reverse order of elimination. Eq. 53."""
     a = list(A)
     found: Vector = []
     for j, s in enumerate(joint.columns):
@@ -195,7 +196,7 @@ def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Ve
 
 
 def _moved(x: Scope, joint: LinkJoint, A: Vector, found: Vector) -> Vector:
-    """Accelerations of the link, including those of its own degrees of freedom."""
+    """Accelerations of the link: A, the parent's, plus the contribution `found` of the joint's degrees of freedom."""
     a = list(A)
     for s, value in zip(joint.columns, found, strict=True):
         for i, moved in s.added(a, value).items():

@@ -1,4 +1,5 @@
-"""Composite inertias, inward: of a link and everything outboard with its joints locked (Featherstone 2008, section 6.2)."""
+"""Composite inertias, inward: the inertia of a link and everything outboard with all joints locked (Featherstone 2008,
+section 6.2)."""
 
 from __future__ import annotations
 

@@ -32,10 +32,12 @@ def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tup
 
 
 def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[Vector, Vector, dict[Symbol, Value]]:
-    """The accelerations of a link from forward dynamics, and the computed values that they equal: `al` and `a`.
+    """Accelerations of a link as forward dynamics found them, and a map from their symbols to the equal values in `al`
+    and `a`.
 
-    Forward dynamics solves for udot and the accelerations together. Accelerations summed up from udot alone would contain the
-    errors of every inboard udot, which are large relative to the accelerations at the end of a long chain.
+    Forward dynamics solves for udot and the accelerations together. Accelerations that are sums of udot alone would
+    contain the errors of every inboard udot. These errors are large relative to the accelerations at the end of a long
+    chain.
     """
     same: dict[Symbol, Value] = {}
     found: list[Vector] = []
@@ -54,12 +56,12 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
 
 
 def balance_start(x: Scope, kind: LinkKind) -> None:
-    """`newton_euler_outward` with the udot of forward dynamics; for links with children also with its accelerations."""
+    """`newton_euler_outward` at the udot of forward dynamics; links with children also use its accelerations."""
     newton_euler_outward(x, kind, kind.carries)
 
 
 def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
-    """Total accelerations and the force that each link's inertia requires, from given udot. Eqs. 19, 24."""
+    """Total acceleration of each link at given udot, and the force that its inertia requires. Eqs. 19, 24."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
@@ -82,7 +84,8 @@ def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
 
 
 def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
-    """Forces transmitted by the joints; their components along the degrees of freedom are the joint forces."""
+    """Forces transmitted by the joints; their components along the degrees of freedom are the joint forces of the
+    inverse dynamics."""
     let = x.let
     joint = kind.joint(x, kind)
     phi: Vector = []

@@ -76,7 +76,7 @@ def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
 def accelerate(
     x: Scope, joint: LinkJoint, carried: Vector, motion: fields.MotionFields = fields.remainder
 ) -> tuple[Vector, Vector]:
-    """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
+    """Acceleration of the link's frame with udot = 0 in its own joint. Eqs. 19-21.
 
     `motion` selects the motion of the parent: its remainder, or its total accelerations.
     """

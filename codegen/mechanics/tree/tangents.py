@@ -129,10 +129,11 @@ def differentiate(
     own: bool = False,
     also: Mapping[Store, Store] | None = None,
 ) -> Tangents | None:
-    """Append the tangents of all statements so far, except given ones (`extra`); returns None on zero patterns.
+    """Append the tangents of all statements so far, except those in `extra`, whose tangents are given; returns None on
+    zero patterns.
 
-    A value that is the `same` as an earlier one has its tangent. With `own`, tangents are along the link's own coordinates
-    and speeds only. `also` maps further stores to the stores of their tangents.
+    `same` maps a value to an earlier one that equals it and whose tangent it takes. With `own`, tangents are along the
+    link's own coordinates and speeds only. `also` maps further stores to the stores of their tangents.
     """
     if not isinstance(x, Expansion):
         return None

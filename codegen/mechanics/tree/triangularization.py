@@ -105,10 +105,10 @@ def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
 
 
 def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
-    """Sizes that pivots are compared with, angular and linear: traces of the articulated inertia (`zero pivot`).
+    """Angular and linear sizes with which pivots are compared: traces of the articulated inertia (`zero pivot`).
 
-    If no other statement needs an entry of these, the body's own inertia and the children's sizes replace it. `pivot` is an
-    entry that is left out, since it is the only pivot; -1 if there is none.
+    Where no other statement needs an entry of the trace, the body's own inertia and the children's sizes replace it.
+    The entry `pivot` is left out, since it is the joint's only pivot; -1 leaves out none.
     """
     turning, mass = (_total([I[i][i] for i in range(n, n + 3) if i != pivot]) for n in (0, 3))
     tag = "zero pivot"
@@ -183,7 +183,8 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
 
 
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
-    """Terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, A the explicit accelerations.
+    """Terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, where A are the explicit
+    accelerations.
 
     The rotor's force is known, since no degree of freedom accelerates the rotor.
     """

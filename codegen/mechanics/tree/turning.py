@@ -1,8 +1,9 @@
 """Response of the articulated force to a link's angular velocity, and transmitted forces: inward, once for a state.
 
 The articulated force of a link and everything outboard of it (Eq. 45) depends on the link's rotation: with the accelerations
-A and the angular velocity w of the link, the joint transmits ``phi = I A + p(w)``. The derivative W with respect to w, six
-rows of three, is propagated like the articulated inertia. With ``dA = X dA_pr + C dw_pr`` for a link that moves with its parent,
+A and the angular velocity w of the link, the joint transmits ``phi = I A + p(w)``. The derivative W with respect to w,
+a 6x3 matrix, is propagated like the articulated inertia. With ``dA = X dA_pr + C dw_pr`` for a link that moves with its
+parent,
 
     W_pr += S (T (W + I C)) R^T,    d udot = -G . (X dA_pr) - t . dw_pr,    t = P^T (W + I C) / D:
 
@@ -37,7 +38,7 @@ def centrifugal_change(x: Scope, w: Vector, r: Vector) -> Matrix:
 
 
 def carried_change(x: Scope, joint: LinkJoint, carried: Vector) -> Matrix:
-    """C: change of the link's accelerations with the parent's angular velocity along the link's axes; six rows of three."""
+    """The 6x3 matrix C: change of the link's accelerations with the parent's angular velocity along the link's axes."""
     r = joint.to_child(joint.offset(), "rc", "d Eq. 21")
     E = centrifugal_change(x, carried, r)
     units = [[int(i == k) for i in range(3)] for k in range(3)]
@@ -48,7 +49,7 @@ def carried_change(x: Scope, joint: LinkJoint, carried: Vector) -> Matrix:
 
 
 def own_change(x: Scope, w: Vector) -> Matrix:
-    """Derivative of the force that a link's own inertia requires with respect to its angular velocity: six rows of three."""
+    """Derivative (6x3) of the force that a link's own inertia requires with respect to its angular velocity."""
     _, h, J = own_inertia(x)
     tag = "d Eq. 24"
     Jw = [x.let("Jw", e, tag) for e in matvec(J, w)]
