@@ -18,6 +18,7 @@ def display(model: Model) -> dict[str, Any]:
     loops = [x for x in model.loops if not x.is_coupling]
     return {
         "bodies": [_body(b) for b in model.bodies],
+        **({"visuals": [_visual(v) for v in model.visuals]} if model.visuals else {}),
         "loops": [{"name": x.name, "ends": [_end(e) for e in _faces(x)]} for x in loops],
         "points": [{"name": x.name, **_end(x)} for x in model.points],
         "elements": [

@@ -163,6 +163,7 @@ class _Reader:
         self.joint_names = self.unique("joint", model.njnt)
         if wrong := problems_of_numbers(model, self.file, self.place):
             raise ModelError(wrong)
+        self.robot.scenery = self.solids(0)
         for b in range(1, model.nbody):
             self.body(b)
         for e in range(model.neq):

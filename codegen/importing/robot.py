@@ -150,6 +150,11 @@ class Link:
     solids: list[Solid] = field(default_factory=list)
     origin: Placement = field(default_factory=Placement)
 
+    def visible(self, frame: Placement) -> list[Solid]:
+        """The solids and meshes that views show, from the pose of the link."""
+        shown = (s for s in self.solids if s.shown and s.type in VISIBLE and (s.type == "mesh" or min(s.sizes) >= 0))
+        return [replace(s, frame=frame @ s.frame) for s in shown]
+
     def moved_to(self, frame: Placement) -> None:
         """Change the link to another frame, whose pose in the present frame is given."""
         back = frame.inverse()
@@ -372,6 +377,8 @@ class Robot:
         Its name in messages.
     gravity : three float
     links : dict of str to Link
+    scenery : list of Solid
+        Solids and meshes on the ground that belong to no link.
     joints : dict of str to RobotJoint
         One for each link except the root of a URDF.
     closings : list of Closing
@@ -398,6 +405,7 @@ class Robot:
     file: str
     gravity: Three = (0.0, 0.0, -9.81)
     links: dict[str, Link] = field(default_factory=dict)
+    scenery: list[Solid] = field(default_factory=list)
     joints: dict[str, RobotJoint] = field(default_factory=dict)
     closings: list[Closing] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from .bodies import Bodies, ImportedBody
 from .naming import free_name, made_name
 from .parameters import Parameters
 from .placement import Placement, Three
-from .robot import VISIBLE, WORLD, Closing, Robot, Solid
+from .robot import WORLD, Closing, Link, Place, Robot, Solid
 from .solids import moments
 from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 
@@ -77,12 +76,14 @@ class ModelWriter:
     def text(self) -> str:
         """The text of the whole file."""
         bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # adds parameters
+        scenery = Link(WORLD, Place(self.robot.file), solids=self.robot.scenery)
         points = self.points()
         inputs, forces = self.forces()
         parts: list[tuple[str, Sequence[str]]] = [
             ("parameters", self.parameters.lines()),
             ("inputs", inputs),
             ("bodies", bodies),
+            ("visuals", self.visuals([(scenery, Placement()), *self.bodies.grounded])),
             ("points", points),
             ("loops", [line for closing in self.robot.closings for line in self.closing(closing)]),
             ("couplings", self.couplings()),
@@ -125,19 +126,12 @@ class ModelWriter:
             lines[-1] += f"  # {one_line(joint.name)}"
         lines += [f"  # {part}" for comment in body.comments for part in wrapped(comment, WIDTH - 6)]
         mass = self.mass(body, name)
-        return lines + [f"  {line}" for line in (*mass, *self.visuals(body, mass))]
+        visuals = [] if _is_shown_by_shape(body, mass) else self.visuals([(body.link, Placement()), *body.merged])
+        return lines + [f"  {line}" for line in (*mass, *(["visuals:"] if visuals else []), *visuals)]
 
-    def visuals(self, body: ImportedBody, mass: Sequence[str]) -> list[str]:
-        """The visuals of a body and of the links merged into it; none that the body's shape already shows."""
-        every = [(Placement(), s) for s in body.link.solids] + [(f, s) for link, f in body.merged for s in link.solids]
-        shown = [
-            replace(s, frame=frame @ s.frame) for frame, s in every
-            if s.shown and s.type in VISIBLE and (s.type == "mesh" or min(s.sizes) >= 0)
-        ]  # fmt: skip
-        is_shape = bool(mass) and mass[0].startswith("shape:")
-        if not shown or (is_shape and len(shown) == 1 and shown[0].type in SHAPES and not shown[0].color):
-            return []
-        return ["visuals:", *(f"- {{{', '.join(self.visual(s))}}}" for s in shown)]
+    def visuals(self, links: Iterable[tuple[Link, Placement]]) -> list[str]:
+        """Lines of the visuals of links that are placed in one body."""
+        return [f"- {{{', '.join(self.visual(s))}}}" for link, frame in links for s in link.visible(frame)]
 
     def visual(self, solid: Solid) -> list[str]:
         """The keys of a visual."""
@@ -313,6 +307,13 @@ def _place_keys(frame: Placement, at: str | None = None) -> list[str]:
     if frame.is_turned:
         keys.append(f"rpy: [{', '.join(map(angle, frame.rpy))}]")
     return keys
+
+
+def _is_shown_by_shape(body: ImportedBody, mass: Sequence[str]) -> bool:
+    """Whether the only visual of a body is its shape, which `mass` contains."""
+    every = [s for link in (body.link, *(link for link, _ in body.merged)) for s in link.visible(Placement())]
+    is_shape = bool(mass) and mass[0].startswith("shape:")
+    return is_shape and len(every) == 1 and every[0].type in SHAPES and not every[0].color
 
 
 def shape_of(body: ImportedBody) -> str | None:

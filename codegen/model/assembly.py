@@ -1,8 +1,8 @@
 """Makes a checked `Model` from the plain data of a file or of the builder, and collects all errors.
 
 The sections are read once, in the order in which they depend on each other: constants, parameters, inputs, gravity, bodies,
-prescribed motion, points, loops, couplings, forces, outputs, initial values, independent coordinates. A section with errors is
-reported and left out, so that the others are still checked.
+visuals of the ground, prescribed motion, points, loops, couplings, forces, outputs, initial values, independent coordinates. A
+section with errors is reported and left out, so that the others are still checked.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from .sections.named_expressions import check_named_expressions, read_named_expr
 from .sections.points import read_points
 from .sections.quantities import model_name, read_inputs, read_parameters, warn_of_unused_quantities
 from .sections.tables import read_tables
+from .sections.visuals import read_visuals_of_ground
 
 
 def assemble(document: Document, folder: str | None = None) -> Model:
@@ -78,7 +79,7 @@ def _model(reader: Reader) -> Model | None:
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # moving coordinates are added when the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
-    motion = read_motion(reader, bodies)
+    visuals, motion = read_visuals_of_ground(reader, bodies.bodies), read_motion(reader, bodies)
     points = read_points(reader, bodies)
     reader.points = [points, bodies.frames]
     check_named_expressions(reader, named)
@@ -94,8 +95,7 @@ def _model(reader: Reader) -> Model | None:
         elements += weights(gravity, bodies) if bodies.is_sound else []
         gravity = None
     outputs = read_outputs(reader, bodies, points)
-    initial = read_initial(reader, bodies)
-    independent = read_independent(reader, bodies)
+    initial, independent = read_initial(reader, bodies), read_independent(reader, bodies)
     loop_tolerance = read_loop_tolerance(reader)
     warn_of_unused(reader, "expression", (at for at, _ in named))
     warn_of_unused(reader, "table", tables)
@@ -124,4 +124,5 @@ def _model(reader: Reader) -> Model | None:
         files=tuple(reader.files.names),
         digest=digest_of_documents(reader.files.opened.values()),
         points=tuple(points.values()),
+        visuals=visuals,
     )

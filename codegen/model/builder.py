@@ -36,6 +36,8 @@ class ModelBuilder:
         Tolerance within which loop conditions count as redundant; see `Model.loop_tolerance`.
     folder : str or path, optional
         Folder of included files and submodels.
+    visuals : sequence of mappings, optional
+        Solids and meshes on the ground that views show.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class ModelBuilder:
         gravity: Vector3 | None = None,
         loop_tolerance: Scalar | None = None,
         folder: str | PathLike[str] | None = None,
+        visuals: Sequence[Mapping[str, Any]] | None = None,
     ) -> None:
         self._folder = None if folder is None else fspath(folder)
         self._root: dict[str, Any] = {"model": name}
@@ -66,6 +69,8 @@ class ModelBuilder:
             self._root["gravity"] = _plain(gravity)
         if loop_tolerance is not None:
             self._root["loop_tolerance"] = _plain(loop_tolerance)
+        if visuals is not None:
+            self._root["visuals"] = _plain(visuals)
         self._problems: list[Problem] = []
         self._symbols: dict[Any, str] = {}
 

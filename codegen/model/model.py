@@ -39,6 +39,7 @@ from .places import GROUND, Face, Point
 from .rates import rate, rates_of
 from .straight import signed_length
 from .switches import Switches
+from .visuals import Visual
 
 __all__ = [
     "CLOSURE_ROWS",
@@ -112,6 +113,8 @@ class Model:
         SHA-256 of the texts of all its files; ``""`` for a model of the builder.
     points : tuple of Point
         Named points, in the order of the file.
+    visuals : tuple of Visual
+        Solids and meshes on the ground that views show.
     """
 
     name: str
@@ -135,6 +138,7 @@ class Model:
     files: tuple[str, ...] = ()
     digest: str = field(default="", repr=False, compare=False)
     points: tuple[Point, ...] = ()
+    visuals: tuple[Visual, ...] = ()
 
     def __post_init__(self) -> None:
         known = set(self.inputs)

@@ -44,6 +44,7 @@ SECTIONS: Final = (
     *("model", "include", "gravity", "constants", "parameters", "inputs", "tables", "expressions"),
     *(
         "bodies",
+        "visuals",
         "motion",
         "submodels",
         "points",

@@ -33,6 +33,8 @@ bodies:
     - {type: mesh, file: part.stl, scale: 0.5}
   plain: {parent: slider, joint: {type: revolute, axis: y, at: [0.2, 0, 0]}, mass: 1, com: [0, 0, -0.3]}
   hidden: {parent: plain, joint: {type: fixed, at: [0, 0, -0.5]}, mass: 1, visuals: []}
+visuals:
+- {type: box, size: [1, 1, 2*radius], at: [0, 0, -radius]}
 points:
   tip: {body: hidden, at: [0, 0, -0.1]}
 forces:
@@ -55,7 +57,7 @@ def scene(solver, **p):
 
 
 def test_sizes_and_places_follow_the_parameters(solver):
-    rod, box, mesh = scene(solver, length=2.0, radius=0.05).solids
+    rod, box, mesh, floor = scene(solver, length=2.0, radius=0.05).solids
     assert rod.type == "cylinder"
     np.testing.assert_allclose(rod.sizes, [0.05, 2.0])
     np.testing.assert_allclose(rod.at, [1.0, 0, 0])
@@ -65,6 +67,7 @@ def test_sizes_and_places_follow_the_parameters(solver):
     c, s = np.cos(0.3), np.sin(0.3)
     np.testing.assert_allclose(box.rotation, [[c, -s, 0], [s, c, 0], [0, 0, 1]], atol=1e-15)
     assert box.color == "#4477aa80"
+    assert (floor.body, floor.sizes.tolist(), floor.at.tolist()) == (-1, [1, 1, 0.1], [0, 0, -0.05])
     assert (mesh.file, mesh.sizes.tolist(), box.body, mesh.body) == ("part.stl", [0.5] * 3, 1, 1)
 
 

@@ -10,7 +10,7 @@ from codegen.runtime.standalone.display.scene import Solid, scene_of
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 URDF = f"""<robot name="shown">
   <material name="steel"><color rgba="0.2 0.4 0.6 1"/></material>
-  <link name="base"/>
+  <link name="base"><visual><origin xyz="0 0 -0.05"/><geometry><box size="1 1 0.1"/></geometry></visual></link>
   <link name="arm">{INERTIAL}
     <visual><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.02" length="0.2"/></geometry><material name="steel"/></visual>
     <visual><geometry><mesh filename="arm.stl" scale="0.5 0.5 2"/></geometry></visual>
@@ -28,6 +28,10 @@ URDF = f"""<robot name="shown">
 
 
 def visuals(found, body=0):
+    return listed(found.model.bodies[body].visuals)
+
+
+def listed(every):
     numbers = {}
     return [
         (
@@ -37,7 +41,7 @@ def visuals(found, body=0):
             v.color,
             v.file,
         )
-        for v in found.model.bodies[body].visuals
+        for v in every
     ]
 
 
@@ -50,6 +54,9 @@ def test_those_of_a_urdf_have_their_places_and_colours(tmp_path):
         ("mesh", [0.5, 0.5, 2], [0, 0, 0], "", "arm.stl"),
         ("sphere", [0.03], [0, 0, 0.3], "#ff000080", ""),
     ]
+    assert listed(found.model.visuals) == [("box", [1, 1, 0.1], [0, 0, -0.05], "", "")]
+    kept = codegen.import_model(tmp_path / "shown.urdf", keep_fixed=True)
+    assert [len(b.visuals) for b in kept.model.bodies] == [1, 2, 1] and kept.model.visuals == ()
     (tmp_path / "models").mkdir()
     elsewhere = codegen.import_model(tmp_path / "shown.urdf", folder=tmp_path / "models")
     assert visuals(elsewhere)[1][-1] == "../arm.stl"
@@ -66,6 +73,25 @@ def test_those_of_an_sdf_too(tmp_path):
     found = codegen.import_model(tmp_path / "shown.sdf")
     assert visuals(found) == [("ellipsoid", [1, 2, 3], [0, 0, 0.1], "#00ff00", "")]
     assert any(line.startswith("<visual> of a cone") for line in found.left_out)
+
+
+def test_fixed_scenery_is_on_the_ground(tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")
+    (tmp_path / "shown.xml").write_text("""<mujoco model="shown"><worldbody>
+      <geom type="plane" size="1 1 1"/><geom type="box" size="1 2 3" pos="0 0 -1"/>
+      <body pos="5 0 0"><geom type="sphere" size="0.2" pos="0 1 0"/>
+        <body><joint type="hinge" axis="0 1 0"/><geom type="sphere" size="0.1"/></body></body></worldbody></mujoco>""")
+    mjcf = codegen.import_model(tmp_path / "shown.xml").model
+    assert [x[:3] for x in listed(mjcf.visuals)] == [("box", [2, 4, 6], [0, 0, -1]), ("sphere", [0.2], [5, 1, 0])]
+    (tmp_path / "shown.sdf").write_text("""<sdf version="1.10"><model name="shown">
+      <link name="stand"><pose>0 0 1 0 0 0</pose><inertial><mass>1</mass></inertial>
+        <visual name="v"><geometry><sphere><radius>0.5</radius></sphere></geometry></visual></link>
+      <link name="arm"><inertial><mass>1</mass></inertial></link>
+      <joint name="f" type="fixed"><parent>world</parent><child>stand</child></joint>
+      <joint name="j" type="revolute"><parent>stand</parent><child>arm</child><axis><xyz>0 0 1</xyz></axis></joint>
+    </model></sdf>""")
+    sdf = codegen.import_model(tmp_path / "shown.sdf").model
+    assert [x[:3] for x in listed(sdf.visuals)] == [("sphere", [0.5], [0, 0, 1])]
 
 
 def test_geoms_without_a_colour_have_that_of_their_material(tmp_path):

@@ -40,6 +40,34 @@ def test_the_builder_has_them_too():
     b = ordernm.ModelBuilder("built")
     b.body("arm", axis="y", mass=1, com=[0, 0, 1], visuals=[{"type": "sphere", "radius": 0.1}])
     assert [v.type for v in b.build().bodies[0].visuals] == ["sphere"]
+    ground = ordernm.ModelBuilder("built", visuals=[{"type": "box", "size": [1, 1, 0.1]}])
+    ground.body("arm", axis="y", mass=1, com=[0, 0, 1])
+    assert [v.type for v in ground.build().visuals] == ["box"]
+
+
+def test_the_ground_has_visuals_and_that_of_a_submodel_is_its_body(tmp_path):
+    floor = "visuals:\n- {type: box, size: [1, size, 0.1]}\n"
+    (tmp_path / "part.yaml").write_text(BODY.format(visuals="[]") + floor)
+    assert [str(e) for e in ordernm.load_model(tmp_path / "part.yaml").visuals[0].sizes] == ["1", "size", "0.1"]
+    text = "model: whole\nsubmodels:\n  left: {use: part.yaml, at: [0, 1, 0]}\nvisuals:\n- {type: sphere, radius: 1}\n"
+    model = ordernm.parse_model(text, folder=tmp_path)
+    assert [v.type for v in model.visuals] == ["sphere"]
+    assert [[v.type for v in b.visuals] for b in model.bodies if b.name == "left"] == [["box"]]
+
+
+@pytest.mark.parametrize(
+    ("visuals", "message"),
+    [
+        ("{type: box}", "visuals: a mapping; a list of visuals is needed"),
+        ("[3]", "visuals[0]: '3'; a mapping is needed with a type"),
+        ("[{type: sphere, radius: -size}]", "is negative; a size must be at least 0"),
+        ("[{type: sphere, radius: unknown}]", "unknown"),
+    ],
+)
+def test_wrong_visuals_of_the_ground_are_errors(visuals, message):
+    with pytest.raises(ordernm.ModelError) as caught:
+        ordernm.parse_model(BODY.format(visuals="[]") + f"visuals: {visuals}\n")
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(

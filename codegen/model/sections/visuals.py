@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 from .. import checks
+from ..entries import shown
 from ..expressions import Expression
+from ..model import Body
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
 from ..schema import BodyEntry
-from ..visuals import SIZES, MeshVisual, Visual
-from .placement import Bound, rotation, vector
+from ..visuals import SIZES, AnyVisual, MeshVisual, Visual
+from .placement import Bound, bound_expressions, rotation, vector
 
 _VECTORS: Final = {"size", "radii"}
 
@@ -28,6 +31,26 @@ def read_visuals(reader: Reader, spec: BodyEntry, at: Instance, bound: Bound) ->
     sizes = _sizes(spec.shape, ("shape",), bound)
     axis = vector(bound, "shape", "axis") if hasattr(spec.shape, "axis") else None
     return (Visual(spec.shape.type, sizes, vector(bound, "shape", "center"), axis=axis),)
+
+
+def read_visuals_of_ground(reader: Reader, bodies: list[Body]) -> tuple[Visual, ...]:
+    """The section ``visuals``: visuals on the ground. Those of a submodel are added to the body that replaces its ground."""
+    found: dict[str, list[Visual]] = {}
+    for part in reader.parts:
+        at = part.entry("visuals")
+        if at.value is not None and not isinstance(at.value, list):
+            reader.report(at, (), f"{shown(at.value)}; a list of visuals is needed: [{{type: box, size: [1, 1, 0.1]}}]")
+            continue
+        for i, value in enumerate(at.value or ()):
+            one = Instance(i, value, at.value, ("visuals",), {}, part)  # type: ignore[arg-type]
+            entry = reader.spec(AnyVisual, one)
+            if reader.is_whole(entry):
+                visual = _visual(reader, entry, one, (), bound_expressions(reader, entry, one, ()))
+                found.setdefault(part.ground, []).append(visual)
+    for i, b in enumerate(bodies):
+        if b.name in found:
+            bodies[i] = replace(b, visuals=(*(b.visuals or ()), *found[b.name]))
+    return tuple(found.get("ground", ()))
 
 
 def _visual(reader: Reader, entry: Any, at: Instance, sub: Path_, bound: Bound) -> Visual:

@@ -167,6 +167,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
         if body["joint"]["type"] in SLIDING:
             scene.rails.append(Line(scene.names[k], (parent, k), np.stack([at, np.zeros(3)])))
         scene.solids.extend(_solid(k, visual, known) for visual in body.get("visuals", ()))
+    scene.solids.extend(_solid(GROUND, visual, known) for visual in given.get("visuals", ()))
     for loop in given["loops"]:
         scene.loops.extend(Mark(loop["name"], end["body"], place(end["at"])) for end in loop["ends"])
     scene.points.extend(Mark(x["name"], x["body"], place(x["at"])) for x in given["points"])
