@@ -16,9 +16,10 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
     """Another partition, which shares as few independent speeds as possible with the known ones; None if there is none.
 
     Each dependent speed in turn is requested as independent instead of the model's hints. Then each other speed is
-    requested together with the best one, as long as this reduces the number of shared speeds. A loop that is singular for one
-    choice of independent speeds is seldom singular for another; speeds that both choices share may be the cause. If several
-    partitions are known, the partition that shares most speeds counts. Among equal candidates the best conditioned is taken.
+    requested together with the best one, as long as this reduces the number of shared speeds. A loop that is singular
+    for one choice of independent speeds is seldom singular for another; speeds that both choices share may be the
+    cause. If several partitions are known, the shared speeds are counted for the one that shares most. Among candidates
+    that share equally many, the best conditioned one is taken.
 
     Parameters
     ----------
@@ -61,7 +62,8 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
 
 
 MANY = 20
-"""With more ears than this, the first other choice is taken, because each candidate costs a whole partition."""
+"""With more ears than this, the first other choice is taken, because each candidate requires the computation of a whole
+partition."""
 
 
 MOST_TRIED = 40

@@ -63,8 +63,8 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
 def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
     """Coordinates ``(1, nq + 1)`` that close all loops, from a guess q, by moving the dependent coordinates only.
 
-    Loops that these cannot close are tried from up to `tries` other guesses. With `nearly`, loops that their dependent
-    coordinates cannot close may stay open by the model's tolerance.
+    A loop that does not close is tried again from up to `tries` other guesses. With `nearly`, loops that their
+    dependent coordinates cannot close may stay open by the model's tolerance.
     """
     for ear in partition.ears:
         geometry.follow(ear)
@@ -188,8 +188,9 @@ def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
 def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool:
     """Whether no joint can reduce the residuals of loops that share joints, to first order.
 
-    Away from a singular configuration this holds if the open conditions are redundant within the model's tolerance. Near one,
-    it can also hold for conditions that joints do change: their residual is then of second order in the distance from it.
+    Away from a singular configuration this holds if the open conditions are redundant within the model's tolerance.
+    Near a singular configuration it can also hold for conditions that joints do change: their residual is then of
+    second order in the distance from that configuration.
     """
     return is_settled(_whole_ring(geometry, q, loops), q, geometry.tolerance)
 

@@ -7,16 +7,17 @@ import math
 from ..records import dataclass
 
 ACCEPTED = 10.0
-"""Largest accepted ratio of condition numbers, choice over pivoting: one digit of sixteen. A cluster costs a dense system."""
+"""Largest accepted ratio of the choice's condition number to that of pivoting. It costs one digit of sixteen; a cluster
+would cost a dense system."""
 
 WORTH_IT = 3.0
 """Factor by which another choice must be better conditioned."""
 
 SHORT_OF_REACH = 0.7
-"""Reach below which another choice is sought."""
+"""Reach (`Comparison.reach`) below which another choice is sought."""
 
 WIDER = 0.25
-"""Gain in value that another choice must offer."""
+"""Gain in value (`Comparison.worth`) that another choice must offer."""
 
 PRICE_OF_CLUSTERED = 0.02
 """Reach that a cluster must gain for each of its dependent speeds, to be worth a dense system."""

@@ -260,7 +260,7 @@ class Geometry:
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _coupled(self, of: Coupling) -> Coupled:
-        """Numerical values of a coupling."""
+        """The coupling of a loop with the values of its factors and offset as numbers."""
         places = [[s.start + t.index for s in self.slices[t.body]] for t in of.terms]
         q, u = (np.array([place[i] for place in places], dtype=int) for i in (0, 1))
         return Coupled(
@@ -304,7 +304,7 @@ class Geometry:
         self.kept = kept
 
     def follow(self, ear: Ear) -> None:
-        """Take the characteristic length and the dropped conditions of an ear."""
+        """Take over the characteristic length and the dropped conditions of an ear."""
         self.lengths[list(ear.loops)] = ear.length
         for i in {i for i, _ in ear.dropped}:
             self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]

@@ -1,10 +1,10 @@
 """The order of the ears: single loops where each closes by itself, clusters elsewhere.
 
-A loop closes by itself if the speeds of joints that no earlier loop has passed can keep it closed, for every motion that
-earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far: their effect
-at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside earlier ears must depend on
-this loop. Then another order is sought, in which the loop precedes one of these ears, or one of them follows it. If there is
-none, they become one cluster.
+A loop closes by itself if the speeds of joints that no earlier loop has passed can keep it closed, for every motion
+that earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far:
+their effect at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside earlier
+ears must depend on this loop. Then another order is sought: the loop moves to a place before one of these ears, or one
+of these ears to a place after the loop. If there is none, they become one cluster.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Draft:
     condition : float
         Condition number of the dependents' scaled closure matrix at the first configuration.
     certain : bool
-        Whether the rank is as high as at any configuration.
+        Whether no configuration can have a higher rank.
     """
 
     loops: tuple[int, ...]

@@ -33,8 +33,8 @@ ROUNDING = 2e-14
 """Residual of redundant conditions that counts as rounding, per unit of the distance from the base."""
 
 SPACING = 4e-16
-"""Residual that counts as rounding, per unit of the condition number of the dependents' columns: it limits the accuracy of their
-range."""
+"""Residual that counts as rounding, per unit of the condition number of the dependents' columns; this number limits the
+accuracy of the range of these columns."""
 
 FAR = 2e-11
 """Replaces `ROUNDING` at configurations that are closed less accurately."""
@@ -151,8 +151,9 @@ def turned_round(
 ) -> list[int]:
     """Loops of an ear whose conditions should be taken along the axes of the other face.
 
-    These conditions determine the dependents well in poses in which `rows` do not. For instance, a crank of a parallel-crank
-    mechanism is determined in all poses by the condition across itself. The condition along the rod fails when both are in line.
+    These conditions determine the dependents well in poses in which `rows` do not. For instance, a crank of a
+    parallel-crank mechanism is determined in all poses by the condition across itself. The condition along the rod
+    fails when crank and rod are in line.
     """
     names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
     loops = [i for i in draft.loops if i not in geometry.couplings and sum(r < 3 for r in geometry.rows[i]) == 3]

@@ -279,7 +279,7 @@ class Expansion(Scope):
         return self.component(store, str(index))
 
     def symbol(self, store: Store, index: int) -> Symbol:
-        """The symbol of an entry; its value must not be a known number."""
+        """The symbol of an entry whose value is not a known number."""
         found = self.entry(store, index)
         assert isinstance(found, Symbol), f"{store}[{index}] is {found}"
         return found

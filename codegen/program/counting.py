@@ -44,7 +44,7 @@ def counted(procedure: Procedure, outside: str) -> list[str]:
 
 
 def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
-    """Steps that run once for each column are excluded."""
+    """Names of what some steps run, in order of first use; steps that run once for each column are excluded."""
     found: list[str] = []
     shared: dict[tuple[str, bool], int] = {}
     for step in flat(steps, lambda step: True):

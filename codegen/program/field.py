@@ -24,7 +24,7 @@ V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
 F = TypeVar("F", bound="AnyField")
 Read = Callable[[str], Value]
-"""Returns the value of a component."""
+"""A function that returns the value of a component."""
 
 
 class Readable(ABC, Generic[V_co]):
@@ -123,7 +123,7 @@ class Readable(ABC, Generic[V_co]):
 
 
 AnyField = Readable[object]
-"""A field of any shape."""
+"""A field of any shape, in annotations."""
 
 
 class Field(Readable[V], Generic[V]):
@@ -135,7 +135,7 @@ class Field(Readable[V], Generic[V]):
 
 
 class ScalarField(Field[Value]):
-    """One number."""
+    """A scalar: one number."""
 
     shape = "scalar"
 
@@ -157,14 +157,14 @@ class Listed(Field[Vector]):
 
 
 class VectorField(Listed):
-    """Three components."""
+    """A vector: three components."""
 
     shape = "vector"
     ends = tuple(f".{i}" for i in XYZ)
 
 
 class MatrixField(Field[Matrix]):
-    """Three rows of three."""
+    """A 3x3 matrix, stored by rows."""
 
     shape = "3x3 matrix"
     ends = tuple(f".{ij}" for ij in NINE)
@@ -253,7 +253,7 @@ class EarShiftField(SixField):
 
 
 class BlockField(Field[Matrix]):
-    """Six rows of six."""
+    """A 6x6 matrix, stored by rows."""
 
     shape = "6x6 matrix"
     ends = tuple(f"{i}{k}" for i in range(6) for k in range(6))

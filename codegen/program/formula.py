@@ -12,7 +12,8 @@ from .store import MARGIN
 from .transpose import transposed
 
 Row = tuple[int, tuple[int, ...], list[int], list[float]]
-"""Target index (the first, if there are several entries), links, indices for the slots, numbers."""
+"""Data of one formula: target index (the first, if there are several entries), links, indices for the slots,
+numbers."""
 
 
 @dataclass(eq=False)
@@ -44,7 +45,7 @@ class Formula:
     def transposed(self) -> Block:
         """From the adjoint of a result, compute the contributions to the adjoints of everything it depends on.
 
-        A margin that must be positive in the tangent must be positive here, too.
+        A margin that must be positive in the tangent must be positive in the transpose, too.
         """
         made = transposed(self.tangent, f"{self.tangent.name}_transposed", f"transpose of {self.tangent.title}")
         made.stores += [s for s in self.tangent.stores if s[0].memory is MARGIN]

@@ -13,9 +13,9 @@ from .store import Store
 def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool]) -> Block:
     """Combine blocks that run in sequence into one block.
 
-    A value that an earlier block stores is not loaded again, and only the last value of each place is stored. Two stores that may
-    address the same place must be the same store. So a field that blocks of one unit reach in two ways must not be overwritten in
-    between.
+    A value that an earlier block stores is not loaded again, and only the last value of each place is stored. Each
+    place must be accessed through one store only. A field that blocks of one unit access through two stores must
+    therefore not be overwritten.
 
     Parameters
     ----------

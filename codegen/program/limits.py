@@ -9,7 +9,7 @@ from contextvars import ContextVar
 from ..records import dataclass
 
 EPSILON = 2.0**-52
-"""Limits of double precision, for which margins are stated."""
+"""Limits of double precision, for which all margins in the source are stated."""
 
 
 @dataclass(frozen=True, slots=True)

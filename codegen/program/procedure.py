@@ -177,7 +177,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Tolerate:
-    """Ignore zero pivots: nothing is solved for."""
+    """Ignore the zero pivots that the following sweeps find: the function solves no system."""
 
 
 @dataclass(frozen=True, slots=True)

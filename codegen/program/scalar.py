@@ -24,7 +24,7 @@ Value = Scalar | float
 """A scalar, or a plain number: 0 and 1 in code that writes blocks. Floats are not used."""
 
 Vector = list[Value]
-"""Three components, or six: angular first, then linear."""
+"""A vector of three components, or of six: angular first, then linear."""
 
 Matrix = list[list[Value]]
-"""Rows."""
+"""A matrix, as a list of its rows."""

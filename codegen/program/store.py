@@ -125,13 +125,13 @@ class Store:
 CONSTANT = Memory("constants", life=Life.OUTSIDE)
 ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
 MARGIN = Memory("margins")
-"""Margins that must be positive: nothing is stored, and a function stops if one is not."""
+"""Margins that must be positive. They are not stored: a function stops if one of them is not positive."""
 
 MODEL = Owner("model")
 SHAPE = Store("pc", MODEL, CONSTANT)
 """The constants that the block of a shape computes."""
 NUMBER = Store("k", MODEL, Memory("numbers", life=Life.OUTSIDE))
-"""Numbers of a row of a table."""
+"""Numbers in a row of a table."""
 
 
 def argument(name: str, lanes: bool = False) -> Store:

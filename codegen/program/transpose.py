@@ -73,7 +73,7 @@ def guarded(factor: Expr) -> Expr:
 
 
 def _scaled(operation: Operation, *factors: Expr) -> Expr:
-    """The sum or product of factors, some of which may be infinite."""
+    """The sum or product of factors of which some may be infinite."""
     if not any(isinstance(f, Function) and f.name == GUARDED for f in factors):
         return operation(*factors)
     return guarded(operation(*(f.args[0] if isinstance(f, Function) and f.name == GUARDED else f for f in factors)))
@@ -116,7 +116,7 @@ def values(
 
 
 NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store: False)
-"""`Kept` for blocks that keep no scalars."""
+"""The value of `Kept` for blocks that keep no scalars."""
 
 
 def transposed(
