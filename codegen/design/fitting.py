@@ -89,7 +89,8 @@ def fit(
     experiments : sequence of mappings, optional
         Several motions that share the variables, instead of times and samples. Each has ``times`` and ``samples``, and
         may have ``sigma``, ``q``, ``u``, ``p``, ``inputs``, ``start``, ``name``, and ``variables`` of its own. The
-        names of these get the experiment's, such as ``q0.arm (second)``. Missing entries are those of the call.
+        names of its own variables are followed by the name of the experiment, such as ``q0.arm (second)``. Missing
+        entries are those of the call.
     integrator : {"dop853", "radau", "rk4"}, optional
         The method of `Solver.simulate`.
     rtol, atol : float, optional

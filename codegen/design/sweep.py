@@ -31,7 +31,8 @@ AHEAD = 64
 """Number of tasks that are submitted to an executor at a time."""
 
 FEWER = 8
-"""After an executor breaks, its tasks are repeated in smaller groups, by this factor, until the faulty task is alone."""
+"""Factor by which groups of tasks become smaller when they are repeated because the executor broke, until the faulty
+task is alone."""
 
 NO_EXECUTOR = "executor is {!r}, expected one of concurrent.futures, or a callable that returns one"
 
@@ -39,7 +40,7 @@ LOST = ("KilledWorker",)
 """Errors of Dask for a lost worker, after which Dask continues."""
 
 IN_VAIN = 3
-"""After this number of executors in a row that end with one case each and without a result, cases are no longer blamed."""
+"""Number of executors in a row that end on a single case without a result, after which cases are no longer blamed."""
 
 SAME_ERROR = 8
 """A sweep is given up after this number of cases that all fail by errors in the measure."""

@@ -121,7 +121,7 @@ class Sweep(Sequence[Case | None]):
         return {name: self.column(name) for name in self._places()} | {FAILURE: failures}
 
     def _places(self) -> dict[str, tuple[Sequence[Case | None], str]]:
-        """Columns, each with its source and its name there."""
+        """The source of each column, and the column's name in this source."""
         found: dict[str, tuple[Sequence[Case | None], str]] = {
             name: (self.cases, name) for name in (self.cases[0] if self.cases else ())
         }

@@ -122,12 +122,12 @@ class Printer(ABC):
         return f"({text})" if level == ATOM or (negative and level > SUM) else text
 
     def _unsigned(self, term: Expr) -> str:
-        """A negative term without its sign."""
+        """The text of a negative term without its sign."""
         factors = _without_sign(term) if term.is_Mul else (-term,)
         return self._factors(factors) if len(factors) > 1 else self._print(factors[0], PRODUCT)
 
     def _factors(self, factors: Sequence[Expr]) -> str:
-        """A product."""
+        """The text of a product, from its factors."""
         names, above, below = self.names, [], []
         for f in factors:
             if isinstance(f, Symbol):

@@ -39,7 +39,8 @@ def widest_first(procedure: Procedure) -> tuple[int, ...]:
 
 
 def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
-    """Sweeps, formulas and routines that a procedure runs over directions, by name and width, with widths of its functions."""
+    """Sweeps, formulas and routines that a procedure runs over directions: for each name and width, the widths of the
+    functions that run it."""
     found: dict[tuple[str, int], set[int]] = {}
     own = (*procedure.widths, *procedure.apart)
 
@@ -47,7 +48,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Add steps; `anyhow` if they run for these widths whatever the function's own width is."""
+        """Add steps; `anyhow`: they run with these widths in functions of every width."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):
@@ -76,7 +77,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
 
 
 def called_once(procedure: Procedure) -> set[str]:
-    """Names of what a procedure runs without directions."""
+    """Names of the sweeps, formulas and routines that a procedure runs without directions."""
     return {
         step.routine.name if isinstance(step, Perform) else name_of(step)
         for step in walk(procedure.steps)

@@ -51,7 +51,7 @@ _GREY: Final = (0.5, 0.5, 0.5, 1.0)
 """Colour of geoms that give none."""
 _MESH_FOLDERS: Final = ("meshdir", "assetdir")
 _HIDDEN: Final = 3
-"""Groups of geoms from this one on are hidden by MuJoCo's viewer."""
+"""First group of geoms that MuJoCo's viewer hides."""
 _DIRT: Final = 1e-15
 
 _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {

@@ -15,7 +15,7 @@ from .robot import WORLD, Coupling, Effect, Inertia, Law, Link, Place, Robot, Ro
 
 _FILE: Final = "pinocchio.Model"
 _NOTHING: Final = 1e-200
-"""Entries below this size count as zero; they are memory that was never written."""
+"""Size below which entries count as zero: Pinocchio leaves some memory unwritten."""
 _BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 _OTHER_SPEEDS: Final = ("free", "planar")
 """Joint types whose speeds Pinocchio orders or directs differently."""

@@ -69,7 +69,7 @@ class Inertia:
         return self.mass == 0 and not self.matrix.any()
 
     def seen_from(self, frame: Placement) -> Inertia:
-        """These mass properties in the frame in which `frame` is given."""
+        """These mass properties, expressed in the frame in which the pose `frame` is given."""
         if not frame.is_turned:
             return Inertia(self.mass, frame.point(self.com), self.matrix)
         return Inertia(self.mass, frame.point(self.com), turned_matrix(frame.rotation, self.matrix))

@@ -88,11 +88,11 @@ class TreeMaker:
                 self.close(joint, poses)
 
     def frame(self, joint: SdfJoint) -> Placement:
-        """Pose of a joint's frame in the base."""
+        """Pose, in the base, of a joint's frame."""
         return self.in_base(joint) @ self.frames.named(joint.scope, joint.item.name, joint.element)
 
     def in_base(self, joint: SdfJoint) -> Placement:
-        """Pose in the base of the scope that contains a joint's name."""
+        """Pose, in the base, of the scope that contains a joint's name."""
         if joint.scope is self.base:
             return Placement()
         if joint.cut:

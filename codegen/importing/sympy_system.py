@@ -53,7 +53,7 @@ class Frame:
 
 @dataclass(slots=True)
 class Step:
-    """A joint of the model: type, keys, and the sympy coordinates and speeds in the model's order."""
+    """A joint of the model: its type and keys, and sympy's coordinates and speeds in the model's order."""
 
     keys: dict[str, Any]
     q: tuple[Any, ...] = ()

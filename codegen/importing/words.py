@@ -31,12 +31,12 @@ def angle(value: float) -> str:
 
 
 def vector(values: Iterable[float]) -> str:
-    """``[0, 0, 0.5]``."""
+    """Text of a vector, such as ``[0, 0, 0.5]``."""
     return f"[{', '.join(map(number, values))}]"
 
 
 def axis_text(axis: Three) -> str:
-    """``x``, ``-z``, or a vector."""
+    """Text of an axis: ``x``, ``-z``, or a vector."""
     along = [i for i in range(3) if axis[i] != 0]
     if len(along) == 1:
         return ("-" if axis[along[0]] < 0 else "") + "xyz"[along[0]]

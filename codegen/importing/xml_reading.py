@@ -91,7 +91,8 @@ def read_robot_file(path: str | Path) -> bytes:
 
 
 def no_regular_file(path: str | os.PathLike[str]) -> str | None:
-    """Why a path cannot be read to an end, such as a named pipe; pipes of this process, such as /dev/stdin, are allowed."""
+    """Reason why a path, such as a named pipe, cannot be read to an end; pipes of this process, such as /dev/stdin, are
+    allowed."""
     try:
         mode = os.stat(path).st_mode
         resolved = os.path.realpath(path)

@@ -23,7 +23,7 @@ ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Seeds, in the order of arguments."""
 
 INCONSISTENT = 1e-6
-"""A redundant condition whose residual exceeds this fraction of the speeds or seeds is reported."""
+"""Fraction of the speeds or seeds above which the residual of a redundant condition is reported."""
 
 ALLOWED = 10.0
 """Largest residual of a dropped condition, in tolerances of the model per unit of speeds or seeds."""

@@ -26,7 +26,7 @@ Array = np.ndarray[Any, Any]
 NUMBERS = ("float64", "mpmath", "decimal")
 
 GUARD_BITS = 10
-"""Additional digits with which mpmath computes functions of decimal numbers."""
+"""Additional bits with which mpmath computes functions of decimal numbers."""
 
 
 class SingularMatrixError(ArithmeticError):

@@ -95,7 +95,8 @@ class CoupledCut:
         return total
 
     def besides(self, pairs: Pairs, q: Pair, own: Sequence[Pair]) -> Pair:
-        """The part of the condition that displacements of bodies do not contain, (1, 1): a pair without value.
+        """The residual of the condition minus the part due to displacements of the bodies, (1, 1): a pair without
+        value.
 
         `own` are displacements of the bodies relative to their parents; part of them is due to parameters, not to the joints.
         """

@@ -13,9 +13,9 @@ between two faces, differentiated by hand (see `conditions`). With the sums over
     [ M      Phi_q^T ] [ dudot   ]   [ dK - dM udot - dPhi_q^T lambda ]                        (Eq. 6)
     [ Phi_q  0       ] [ dlambda ] = [ -dB - dPhi_q udot              ]                        (Eq. 7, twice in time)
 
-Eqs. 8 and 9 solve the last system for dlambda first. Here both unknowns are solved for at once, so M may be singular (massless
-bodies moved by a loop). Eq. 6 is printed with M_,p in front of dudot; it must be M. M, K, Phi_q and their ingredients are pairs,
-so dM and the others are direct derivatives, one full matrix per direction.
+Eqs. 8 and 9 solve the last system for dlambda first. Here both unknowns are solved for at once, so M may be singular
+(massless bodies moved by a loop). Eq. 6 is printed with M_,p in front of dudot; it must be M. M, K, Phi_q and the
+quantities that they consist of are pairs, so dM and the other derivatives come directly, one full matrix per direction.
 
 Redundant conditions. The partition gives the dependent speeds and their loops. For each ear (of the ear decomposition of the loop
 graph), the engine uses the combinations of conditions that its dependent speeds can satisfy at the state, and holds these
@@ -290,7 +290,8 @@ class DenseEngine(Engine):
         return known.position, known.jacobian @ state.u
 
     def _displacements(self, state: State) -> Array:
-        """Eq. 7 for the dependent displacements; the derivative of the position includes p and the independent ones so far."""
+        """Eq. 7 for the dependent displacements. The derivative of the position includes p and the independent
+        displacements."""
         known = self._conditions(state)
         C = self._combinations(known.jacobian.value)
         E = C @ known.jacobian.value[:, self.dependent]

@@ -813,7 +813,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1), including prescribed speeds."""
+        """The accelerations udot, (nu, 1), including those of prescribed speeds."""
 
     @abstractmethod
     def _mass_matrix(self, state: State) -> Pair:
@@ -837,7 +837,8 @@ class Engine(Arguments):
 
     @abstractmethod
     def _point(self, motion: Any, body: int, at: Pair) -> tuple[Pair, Pair]:
-        """Position and velocity in the ground frame, (3, 1), of the point ``at`` in body axes of ``body``."""
+        """Position and velocity in the ground frame, (3, 1) each, of the point that is at ``at`` in the axes of
+        ``body``."""
 
     @abstractmethod
     def _attitude(self, motion: Any, body: int) -> tuple[Pair, Pair]:
@@ -849,7 +850,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _moving(self, state: State, motion: Any) -> list[Moving]:
-        """Mass, motion and angular momentum of all bodies."""
+        """Mass, motion and angular momentum of each body."""
 
     def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
         """The attachment points of a force element."""

@@ -95,7 +95,7 @@ class Law(Generic[E]):
 
 
 class JointForceLaw(Law[JointForce]):
-    """The values of the expressions."""
+    """Generalised forces of a joint: the values of the element's expressions."""
 
     def on_speeds(self, element: JointForce, pairs: Pairs) -> dict[int, Pair]:
         return {element.body: pairs.vector(element.values)}
@@ -170,7 +170,8 @@ class AlongLineLaw(Law[AlongLine]):
 
 
 class ForceLaw(Law[Force]):
-    """The components of the force; components along body axes are rotated to the ground frame."""
+    """A force with the components that the element gives; components along body axes are rotated to the ground
+    frame."""
 
     def wrenches(self, element: Force, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         f = pairs.vector(element.value)
@@ -178,7 +179,8 @@ class ForceLaw(Law[Force]):
 
 
 class TorqueLaw(Law[Torque]):
-    """The components of the torque; components along body axes are rotated to the ground frame."""
+    """A torque with the components that the element gives; components along body axes are rotated to the ground
+    frame."""
 
     def wrenches(self, element: Torque, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         n = pairs.vector(element.value)
@@ -329,4 +331,4 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Bushing: BushingLaw(),
     **dict.fromkeys(ALONG_LINES.values(), AlongLineLaw()),
 }
-"""Laws by the class of the element."""
+"""Classes of laws by the class of the element."""

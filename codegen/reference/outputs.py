@@ -192,4 +192,4 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
     "kinetic_energy": lambda _, seen: seen.energies()[0][0, 0],
     "potential_energy": lambda _, seen: seen.energies()[1][0, 0],
 }
-"""Outputs by the name of the measure."""
+"""Functions that compute outputs, by the name of the measure."""

@@ -39,6 +39,6 @@ def surface_at(pairs: Pairs, function: SurfaceFunction, place: Pair) -> SurfaceA
 
 
 def at(pairs: Pairs, place: Pair) -> Pairs:
-    """Creates pairs in which the coordinates of a point are known."""
+    """A function that creates pairs in which the coordinates of a point are known."""
     known = {name: place[i, 0] for i, name in enumerate(COORDINATES)}
     return Pairs(pairs.arithmetic, pairs.k, {**pairs.environment, **known})

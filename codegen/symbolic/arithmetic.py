@@ -21,7 +21,7 @@ FACTORED = 3
 
 
 class SymbolicArithmetic(Arithmetic):
-    """Numbers are `Polynomial`; what compares symbols raises `UndecidedError`.
+    """Arithmetic on numbers of type `Polynomial`; a comparison of symbols raises `UndecidedError`.
 
     Attributes
     ----------
@@ -35,7 +35,8 @@ class SymbolicArithmetic(Arithmetic):
         self.algebra = Algebra(most_products, intermediate)
 
     def number(self, x: Any) -> Polynomial:
-        """A polynomial: an int, a fraction or an expression of sympy's as it is, a float as `exact` reads it."""
+        """A polynomial from a number: an int, a fraction or an expression of sympy exactly, a float as `exact` reads
+        it."""
         if isinstance(x, Polynomial):
             return x
         if isinstance(x, int | Fraction):
@@ -73,7 +74,8 @@ class SymbolicArithmetic(Arithmetic):
         return self.algebra.convert(sympy.Piecewise(*((value.short, where) for value, where in cases)))
 
     def closed(self, pair: Pair) -> Pair:
-        """A matrix whose longer entries are not multiplied out where it is a factor, or are intermediate variables."""
+        """A matrix in which long entries are replaced by factors that are not multiplied out, or by intermediate
+        variables."""
         value = np.empty_like(pair.value)
         for place, x in np.ndenumerate(pair.value):
             value[place] = self.algebra.closed(x, FACTORED)

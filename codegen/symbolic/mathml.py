@@ -16,7 +16,7 @@ SUM, PRODUCT, ATOM = range(3)
 
 NAMES = {"Abs": "abs", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "atan2", "Max": "max", "Min": "min",
          "Mod": "mod", "log": "ln", "sign": "sign", "floor": "floor"}  # fmt: skip
-"""Names of functions that differ from sympy's."""
+"""Names of functions in MathML where they differ from sympy's."""
 
 RELATIONS = {">=": "≥", "<=": "≤", ">": "&gt;", "<": "&lt;", "==": "=", "!=": "≠"}
 
@@ -63,7 +63,7 @@ def scripts(base: str, below: str = "", above: str = "") -> str:
 
 
 def symbol_of_model(symbol: sympy.Symbol) -> str:
-    """A symbol by its name in the model: ``q.crank`` is q with crank below."""
+    """A symbol by its name in the model: ``q.crank`` is q with the subscript crank."""
     base, below, is_rate, is_seed = parts_of(symbol.name)
     letter = word(base)
     if is_rate:

@@ -62,13 +62,13 @@ class Equations:
     M : sympy.Matrix
         Mass matrix, (n, n) with n the number of independent speeds.
     forcing : sympy.Matrix
-        Right side, (n, 1): forces, gravity, and what does not depend on the accelerations.
+        Right side, (n, 1): forces, gravity, and all other terms without accelerations.
     J : sympy.Matrix or None
         With multipliers: the constraint Jacobian, (r, nu).
     rate : sympy.Matrix or None
-        With multipliers: dJ/dt u, and what prescribed motion adds, (r, 1).
+        With multipliers: dJ/dt u plus the contribution of prescribed motion, (r, 1).
     drift : sympy.Matrix or None
-        With loops and prescribed motion: what prescribed speeds add to J u, (r, 1); zero where it is None.
+        With loops and prescribed motion: the contribution of prescribed speeds to J u, (r, 1); None means zero.
     position : sympy.Matrix or None
         With loops: the constraints, (r, 1), m, and sines of angles.
     constraints : tuple of str
@@ -78,7 +78,7 @@ class Equations:
     S : sympy.Matrix or None
         Embedded: all speeds from the independent ones, (nu, n).
     s : sympy.Matrix or None
-        Embedded, with prescribed motion: what prescribed speeds add to the speeds, (nu, 1); zero where it is None.
+        Embedded, with prescribed motion: the contribution of prescribed speeds to u, (nu, 1); None means zero.
     remainder : sympy.Matrix or None
         Embedded: accelerations where the independent ones are zero, (nu, 1).
     intermediates : dict of Symbol to sympy.Expr
@@ -154,7 +154,7 @@ class Equations:
 
     @property
     def terms(self) -> int:
-        """The number of terms of all matrices and intermediate variables, also of sums in products."""
+        """The number of terms of all matrices and intermediate variables, including terms of sums within products."""
         every = [*self.intermediates.values(), *(x for of in self.matrices.values() for x in of)]
         known: dict[sympy.Basic, int] = {}
         return sum(count(x, known) for x in every if x != 0)

@@ -92,9 +92,9 @@ NOTATION = (
     "right is the equation of the paper or the word of docs/theory.md: <i>d Eq. 45</i> is the derivative of Eq. 45 along a "
     "direction, <i>T d Eq. 45</i> the transpose of that, <i>primitive</i> the derivative of a statement by one of its operands "
     "(Eq. 10).</p>",
-    "<p>The index above a symbol is the body, loop or region whose memory holds it, and δ stands before what is computed for "
-    "each direction (shaded). Symbols without an index above are local to their part, or coordinates q, speeds u, joint forces "
-    "τ and parameters of the model. The table at the end says what the names are.</p>",
+    "<p>The index above a symbol is the body, loop or region whose memory holds it, and δ precedes a quantity that is computed "
+    "for each direction (shaded). Symbols without an index above are local to their part, or coordinates q, speeds u, joint forces "
+    "τ and parameters of the model. The table at the end explains the names.</p>",
 )
 
 
@@ -178,8 +178,9 @@ def equation_lines(found: Equations) -> list[tuple[str, str]]:
 HEADINGS = {"law": "Equations", "vectors": "Coordinates and speeds",
             "intermediates": "Intermediate variables", "M": "Mass matrix", "forcing": "Right side",
             "qdot": "Rates of the coordinates", "position": "Constraints", "J": "Constraint Jacobian",
-            "rate": "Its rate times the speeds", "drift": "What prescribed motion adds", "S": "Speeds from the independent ones",
-            "s": "What prescribed motion adds", "remainder": "Accelerations besides", "outputs": "Outputs"}  # fmt: skip
+            "rate": "Rate of the Jacobian times the speeds", "drift": "Contribution of prescribed motion",
+            "S": "Speeds from the independent ones", "s": "Contribution of prescribed motion",
+            "remainder": "Acceleration remainder", "outputs": "Outputs"}  # fmt: skip
 
 
 def equations_page(found: Equations) -> str:

@@ -401,7 +401,7 @@ class Polynomial:
 def exact(x: float) -> sympy.Expr:
     """The number that an int or a float stands for: the decimal of the file, a fraction of small whole numbers, or one of pi.
 
-    The value of the result differs from the float by at most four units in the last place, and that of a decimal not at all.
+    The result differs from the float by at most four units in the last place; a short decimal is converted exactly.
 
     >>> exact(0.02), exact(1 / 3), exact(0.5235987755982988)
     (1/50, 1/3, pi/6)

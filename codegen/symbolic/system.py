@@ -320,7 +320,7 @@ def orthogonal_solution(A: Array, B: Array) -> Array:
 
 
 class _Minors:
-    """Minors of a matrix, each computed once; with the sign 1 permanents, in which all products are added."""
+    """Minors of a matrix, each computed once. With the sign 1 they are permanents, in which all products are added."""
 
     def __init__(self, A: Array, sign: int = -1) -> None:
         self.A, self.sign = A, sign

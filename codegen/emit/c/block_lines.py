@@ -175,7 +175,7 @@ def _parts(e: Expr) -> Iterator[Expr]:
 
 
 def in_full(at: Located) -> str:
-    """A component of a row that has no pointer variable."""
+    """The C expression of a component of a row that has no pointer variable."""
     if at.row[0] == "&":
         return at.row[1:] + (f".{at.text[2:]}" if at.text.startswith("->") else "")
     if at.row[0] == "(":

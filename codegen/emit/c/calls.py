@@ -98,8 +98,8 @@ def _call(start: str, passed: list[str]) -> list[str]:
 
 
 def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[str, Any]]:
-    """The functions for points of bodies that `Solver.points` calls, if the package has frames. Lines compute the positions of
-    the model's points where these depend on parameters."""
+    """The functions for points of bodies that `Solver.points` calls, if the package has frames. The returned lines also
+    compute the positions of the model's points where these depend on parameters."""
     found = []
     for name, frames, places, given, parts in (
         ("points", "frames", "point_places", "given & 1L << P", 1),

@@ -50,7 +50,7 @@ class ColumnsInC:
 
     @property
     def parent(self) -> str:
-        """The parent of link i, for a macro."""
+        """The C expression of the parent of link i, for a macro."""
         return "((i) - 1)" if self.serial else "parent_of[i]"
 
     @property

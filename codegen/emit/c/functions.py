@@ -61,7 +61,7 @@ def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
 
 
 def in_all(number: str) -> str:
-    """The C text of a scalar with this number for every state, where a scalar holds several states."""
+    """The C text of a number; where a scalar holds several states, the text that gives every state this number."""
     return f"ALL({number})"
 
 
@@ -156,7 +156,7 @@ class CFunctions:
             plain, held = f"DIRECTIONS({plain})", f"DIRECTIONS({held})"
         *given, work = [p.rpartition(" ")[2].lstrip("*") for p in parameters(procedure, self.scalar.word)]
         call = called_with(f"return {held}(", [*given, "0", work], ");")
-        doc = "The same, each switch in the branch that its arguments are in."
+        doc = "The same function, with each switch in the branch that its arguments select."
         return [
             *found,
             Function(doc, signature(procedure, plain, self.scalar.word), call.split("\n"), guard=found[0].guard),

@@ -18,7 +18,7 @@ TYPES = {
 
 ABOUT = {
     "records": "A link, for one call.", "ears": "An ear of loops, for one call.",
-    "regions": "A region of loops, for one call.", "couplings": "What couples two links.",
+    "regions": "A region of loops, for one call.", "couplings": "The coupling of two links, for one call.",
     "kept": "Scalars of a link that sweeps run backwards read again.",
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
     "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
