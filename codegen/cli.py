@@ -101,7 +101,7 @@ def _wrong(error: Any) -> None:
 
 
 def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
-    """``generate``."""
+    """Runs ``generate``."""
     from .generation import generate
     from .mechanics.procedures import UnknownFunctionError
 

@@ -4,7 +4,7 @@ import sys
 
 
 def ordernm() -> int:
-    """``ordernm COMMAND``."""
+    """Runs ``ordernm COMMAND``."""
     try:
         from .cli import main
 
@@ -14,7 +14,7 @@ def ordernm() -> int:
 
 
 def generate() -> int:
-    """``generate MODEL``."""
+    """Runs ``generate MODEL``."""
     try:
         from .cli import generate_main
 

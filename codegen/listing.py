@@ -111,7 +111,7 @@ class _Listing:
         return [f"{name} = {self.long(value)}" for name, value in values.items()]
 
     def coupling(self, x: Coupling) -> str:
-        """``gear: wheel = -(z1/z2) crank + 0.1``."""
+        """The line of a coupling, such as ``gear: wheel = -(z1/z2) crank + 0.1``."""
         names = [
             joint_coordinates(self.name(t.body), self.model.bodies[t.body].joint.type)[0][t.index] for t in x.terms
         ]

@@ -67,7 +67,7 @@ def add_statements_arguments(parser: argparse.ArgumentParser) -> None:
         "--functions", metavar="NAME,...",
         help="functions of the solver whose statements are wanted, such as accelerations,sensitivities (default: all)",
     )  # fmt: skip
-    parser.add_argument("--reactions", action="store_true", help="also what joints and loops transmit")
+    parser.add_argument("--reactions", action="store_true", help="also the wrenches in joints and loops")
     parser.add_argument("--frames", action="store_true", help="also the motions of all bodies")
 
 

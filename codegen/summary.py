@@ -185,7 +185,7 @@ class Report:
 
 
 def counted(n: int, one: str, many: str = "") -> str:
-    """``1 body``, ``2 bodies``."""
+    """A number with its noun: ``1 body``, ``2 bodies``."""
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 

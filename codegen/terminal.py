@@ -100,7 +100,7 @@ class StatusLine:
 
     @property
     def where(self) -> str:
-        """``expanding, 3 of 21``."""
+        """The current stage as text, such as ``expanding, 3 of 21``."""
         return self.stage + (f", {self.step} of {self.steps}" if self.steps > 1 else "")
 
     def __enter__(self) -> StatusLine:

@@ -21,7 +21,7 @@ RATE = 30
 """Results of a motion per second, as a browser shows them."""
 
 MOST_RESULTS = 100_000
-"""Number of results of a motion that is shown."""
+"""Number of results up to which a motion is shown."""
 
 LARGEST_PORT = 65535
 
@@ -34,7 +34,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
     parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
                         help="a design parameter, if not as in the model; may be repeated")  # fmt: skip
-    parser.add_argument("--reactions", action="store_true", help="also show what joints and loops transmit")
+    parser.add_argument("--reactions", action="store_true", help="also show the wrenches in joints and loops")
     parser.add_argument("--html", metavar="FILE", help="write a page that needs no server and no network: .html")
     parser.add_argument("--picture", metavar="FILE", help="draw the initial state: .svg, .png, .pdf")
     parser.add_argument("--animate", metavar="FILE", help="draw the motion: .gif, .png")

@@ -53,11 +53,11 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
 
 
 Rows = tuple[Sequence[str], list[list[str]]]
-"""Header and rows of a table; the page uses the same tables."""
+"""Type of a table: header and rows; the page uses the same tables."""
 
 
 def point_table(result: dict[str, Any]) -> Rows:
-    """A motion at every setting."""
+    """Header and rows of a table: a motion at every setting."""
     head = ("setting", "error", "evaluations", "steps", "rejected", "ms")
     counted = ("evaluations", "steps", "rejected")
     return head, [
@@ -147,14 +147,14 @@ def peer_lines(peers: dict[str, Any], width: int | None) -> list[str]:
 
 
 def peer_table(rows: Sequence[dict[str, Any]]) -> Rows:
-    """Results of all programs on one problem."""
+    """Header and rows of a table: the results of all programs on one problem."""
     return ("", "setting", "error", "of derivatives", "time"), [
         [r["who"], r["setting"], error(r["error"]), error(r["error_derivatives"]), seconds(r["seconds"])] for r in rows
     ]
 
 
 def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -> list[str]:
-    """Two runs compared."""
+    """Lines that compare two runs."""
     differing = other_machine(new, old)
     rows = compare(new, old)
     lines = [f"warning: another machine: {x}" for x in differing]
@@ -169,6 +169,6 @@ def failures(problems: dict[str, Any]) -> list[str]:
 
 
 def list_lines(problems: Sequence[Any]) -> list[str]:
-    """Names and titles."""
+    """Lines with the names and titles of problems."""
     longest = max(len(p.name) for p in problems)
     return [f"{p.name.ljust(longest)}  {p.title}" for p in problems]

@@ -162,7 +162,7 @@ class Objective(OfVariables):
         self._known: OrderedDict[bytes, Point] = OrderedDict()
         self._last: Point | None = None
 
-    # -- for optimisers ---------------------------------------------------------------------------------------------
+    # -- functions for optimisers -----------------------------------------------------------------------------------
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
         """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
@@ -319,7 +319,7 @@ class Objective(OfVariables):
                 raise ValueError(f"combine gives {value} with the derivatives {weights} of {own}, expected numbers")
         return Point(value, weights @ gradients[:count], judged.values, gradients)
 
-    # -- for people ---------------------------------------------------------------------------------------------------
+    # -- results and errors -------------------------------------------------------------------------------------------
 
     @property
     def motions(self) -> int:

@@ -227,8 +227,8 @@ class Timing(Rounds):
         return f"{self.median / per * 1e9:.{0 if per == 1 else 1}f} ({self.level})"
 
     def beside(self, other: Timing) -> list[str]:
-        """Cells of a table: the median, name and median of the other contestant, the ratio, and the range of ratios in
-        single rounds."""
+        """Cells of a table: median of this contestant, name and median of the other one, their ratio, and the range of
+        ratios in single rounds."""
         ratios = self.ratios(other)
         spread = f"{min(ratios):.3f} to {max(ratios):.3f}"
         return [self.nanoseconds(), other.name, other.nanoseconds(), f"**{self.ratio(other):.3f}**", spread]

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CORE_C = """\
-/* Work that never changes, and what a core can do: fused multiply-adds that wait for nothing, one number or a whole vector at a
-   time, and sums of arrays. */
+/* Fixed work, and the peak performance of a core: independent multiply-adds of numbers and of vectors, and sums of
+   arrays. */
 #include <math.h>
 #include <stddef.h>
 #include <time.h>
@@ -44,12 +44,12 @@ typedef double vector __attribute__((vector_size(8 * WIDTH)));
 static double now(void)
 {
     struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); /* what others have of the core meanwhile does not count */
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); /* excludes the time of other processes on the core */
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Seconds that it takes to fill a matrix, factor it and solve, as a mechanism's equations are: sines and cosines, sums of few
-   products, divisions, none of which a compiler turns into long vectors. */
+/* Seconds to fill a matrix, to factor it and to solve, as for the equations of a mechanism: sines and cosines, sums
+   of few products, and divisions, which compilers do not turn into long vectors. */
 #define ROWS 12
 double work(long rounds)
 {
@@ -84,8 +84,8 @@ double work(long rounds)
 #define HOLD(x) __asm__ volatile("" : "+w"(x))
 #endif
 
-/* Seconds per operation of 12 sums side by side, more than the latency of a multiply-add needs; HOLD keeps each in a register
-   and the compiler from making vectors of them. */
+/* Seconds per operation of 12 independent sums, more than the latency of a multiply-add requires. HOLD keeps each
+   sum in a register, and prevents the compiler from combining sums into vectors. */
 #define MEASURE(name, type, lanes)                                                                                     \\
     double name(long rounds)                                                                                           \\
     {                                                                                                                  \\
@@ -107,8 +107,9 @@ double work(long rounds)
 MEASURE(numbers, double, 1)
 MEASURE(vectors, vector, WIDTH)
 
-/* Seconds per byte that is read from an array of n numbers, or read from and written to another one. Vectors are written out,
-   four at a time, and no compiler has to find them: a loop of single numbers waits for itself and not for the cache. */
+/* Seconds per byte that is read or written, where n numbers are added to n others. The loop is written with four
+   vectors at a time, because the speed of a loop over single numbers is limited by its instructions, not by the
+   cache. */
 typedef double loaded __attribute__((vector_size(8 * WIDTH), aligned(8), may_alias));
 double bytes(double *restrict a, const double *restrict b, long n, long rounds)
 {

@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text."""
+    """A table, as rows of text."""
 
     title: str
     head: Sequence[str]
@@ -28,7 +28,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """Paragraphs, names of figures, tables."""
+    """A section of a page: paragraphs, names of figures, tables."""
 
     title: str
     text: Sequence[str]

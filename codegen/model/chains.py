@@ -139,13 +139,13 @@ class Chain:
         self.turns = any(isinstance(m, Turn | Ball) for m in motion)
 
     def of(self, rows: Array) -> Chain:
-        """This chain for some of the joints."""
+        """The chain of some of the joints in this batch."""
         part = copy(self)
         part.steps = [step.of(rows) for step in self.steps]
         return part
 
     def without_first(self) -> Chain:
-        """The chain without its first motion."""
+        """The chain without its first elementary motion."""
         return Chain(self.motion[1:], self.steps[1:])
 
     def unit_screws(self, steps: Iterable[int]) -> tuple[Array, Array]:

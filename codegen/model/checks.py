@@ -159,7 +159,8 @@ def _where(condition: np.ndarray) -> list[int]:
 def _merged_is_possible(
     k: int, bodies: Sequence[Body], mass: np.ndarray, inertia: np.ndarray, value: Value, dirt: float
 ) -> str:
-    """Why a body's impossible inertia has no effect: the combined inertia counts; empty if it does have one."""
+    """Reason why a body's impossible inertia has no effect, since only a combined inertia counts; empty if it has an
+    effect."""
     root = k
     while root != GROUND and bodies[root].joint.is_fixed:
         root = bodies[root].parent
@@ -272,7 +273,7 @@ def _all_geared(joint: Joint, value: Value) -> bool:
 
 
 def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) -> str:
-    """Why the last body of a branch makes the mass matrix singular; empty if it does not.
+    """Reason why the last body of a branch makes the mass matrix singular; empty if it does not.
 
     Joints that slide and turn by different coordinates are left to `singular_joint`.
     """

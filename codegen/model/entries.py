@@ -40,12 +40,12 @@ class Misread:
 
 
 def complaint(message: str, column: int | None = None) -> PydanticCustomError:
-    """An error about a value, to be raised."""
+    """The exception that reports an error in a value."""
     return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
 
 
 def shown(value: Any) -> str:
-    """A value as messages show it."""
+    """A value as text for messages."""
     if value is None:
         return "nothing"
     if isinstance(value, dict):

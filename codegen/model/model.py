@@ -151,12 +151,13 @@ class Model:
 
     @staticmethod
     def _rates(inputs: Collection[str]) -> set[str]:
-        """The inputs among these that are time derivatives of other inputs."""
+        """The inputs that are time derivatives of other inputs."""
         return {x for n in inputs for x in rates_of(n) if x in inputs}
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """Inputs of the file: the first of `inputs`, without the time derivatives that follow them."""
+        """Inputs that the file declares: the first entries of `inputs`, without the time derivatives that follow
+        them."""
         rates = self._rates(set(self.inputs))
         return tuple(n for n in self.inputs if n not in rates)
 
@@ -295,7 +296,7 @@ class Model:
         return self._free("speed_units")
 
     def _free(self, units: str) -> tuple[str, ...]:
-        """Units of the coordinates or speeds that are not prescribed."""
+        """Units of the coordinates, or of the speeds, that are not prescribed."""
         held = self.places_of_prescribed
         every = enumerate(getattr(b.joint.kind, units) for b in self.bodies)
         return tuple(unit for k, of in every for i, unit in enumerate(of) if (k, i) not in held)

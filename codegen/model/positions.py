@@ -106,7 +106,7 @@ class Document:
         return line, column
 
     def merged(self, base: dict[str, Any], over: Mapping[str, Any], drop: tuple[str, ...] = ()) -> dict[str, Any]:
-        """`base` without the keys `drop`, overlaid with `over`: mappings are merged, everything else is replaced."""
+        """`base` without the keys `drop`, overlaid with `over`: mappings are merged, all other values are replaced."""
         result = {k: v for k, v in base.items() if k not in drop}
         places = {k: v for k, v in self.places_of(base).items() if k not in drop}
         over_places = self.places_of(over)

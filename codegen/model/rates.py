@@ -105,7 +105,7 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
 
 
 def _times(factor: Tree, d: Expression) -> Expression:
-    """A product; a factor that is a reciprocal becomes a division."""
+    """A product of two trees; a factor that is a reciprocal becomes a division."""
     return Expression(factor[1]) * d / Expression(factor[2]) if factor[0] == "/" else Expression(factor) * d
 
 

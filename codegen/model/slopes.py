@@ -126,7 +126,7 @@ def _of_product(of: Product, by: Tree) -> Tree:
 
 
 def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
-    """The terms of the derivative of a power, as factors with their exponents."""
+    """The terms of the derivative of a power, each as a set of factors with their exponents."""
     less = plus(exponent, MINUS_ONE)
     if key[0] in (NORM, SIZE):
         for weight, x in key[1]:
@@ -161,7 +161,8 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
 def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -> Tree:
     """The derivative of a power of a product, times other factors; the product is not split, as its factors may be negative.
 
-    It is divided by the varying factor where that is not zero, and zero where another factor is; else the exponent is one less.
+    Where the varying factor is not zero, the power is divided by it. Where another factor is zero, the derivative is
+    zero. Otherwise the exponent is one less.
     """
     total = ZERO
     inside = Product().times(key)

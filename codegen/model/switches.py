@@ -248,8 +248,8 @@ class Switches:
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree with held functions in place of those with branches.
 
-        The second derivative of prescribed motion (`moves`) enters the equations. So steps and cubic tables, which are smooth
-        enough in a force, are held in it.
+        The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
+        smooth enough in a force, are therefore held in prescribed motion.
         """
         if tree[0] in ("number", "name"):
             return tree
@@ -311,7 +311,8 @@ class Switches:
         return switch
 
     def _locate(self, tree: Tree, inner: Tree) -> bool:
-        """Find switches in the argument of a function with a bounded domain; whether there are any at its bounds."""
+        """Find switches in the argument of a function with a bounded domain; returns whether any is zero at a bound of
+        the domain."""
         inner = _may_be_absolute(inner)
         if tree not in self._located:
             if not _changes_at_bounds(tree, inner, self._varies):
@@ -354,7 +355,8 @@ def _changes_at_bounds(tree: Tree, inner: Tree, varies: Callable[[str], bool]) -
 
 
 def _solve(e: Expression, values: dict[str, float]) -> bool:
-    """Change one name's value so that an expression is zero, by bisection between -4 and 4; whether it succeeds."""
+    """Change the value of one name so that an expression is zero, by bisection between -4 and 4; returns whether this
+    succeeds."""
     for name in sorted(e.names):
         first = values[name]
         ends: list[tuple[float, float]] = []

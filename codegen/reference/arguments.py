@@ -163,7 +163,7 @@ class Arguments(ABC):
         found = self._of_speeds("udot", udot, dudot, state.pairs)
         return self._with_accelerations(found, state.pairs)
 
-    # --- what is prescribed -----------------------------------------------------------------------------------------
+    # --- prescribed motion ------------------------------------------------------------------------------------------
 
     def _with_prescribed(self, q: Pair, u: Pair, pairs: Pairs) -> tuple[Pair, Pair]:
         """All coordinates and speeds, from those that are not prescribed."""

@@ -107,7 +107,7 @@ class Engine(Arguments):
     axes, and the components along dependent speeds follow from closure.
     """
 
-    # --- the face -------------------------------------------------------------------------------------------------
+    # --- public methods -------------------------------------------------------------------------------------------
 
     def accelerations(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """Return the derivatives of the speeds.
@@ -809,7 +809,7 @@ class Engine(Arguments):
                 f"{name}: model {self.model.name} has closed loops, where joint forces are not unique; it is for trees"
             )
 
-    # --- what an engine fills in ----------------------------------------------------------------------------------
+    # --- methods that an engine implements ------------------------------------------------------------------------
 
     @abstractmethod
     def _accelerations(self, state: State) -> Pair:

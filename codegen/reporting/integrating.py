@@ -102,5 +102,5 @@ def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
 
 
 def evaluation(solver: Solver, names: Sequence[str]) -> int:
-    """Operations of the accelerations and their derivatives; 1 if these are constant."""
+    """Operations for the accelerations and their derivatives; 1 if the accelerations are constant."""
     return max(1, operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations"))

@@ -55,7 +55,7 @@ LOST, LEAST = 1e-3, 1e-3
 requested time."""
 
 EXACT = 1e-11
-"""Below this error a motion is exact except for rounding; any other method errs by more at its loosest tolerance."""
+"""Error below which a motion at the loosest tolerance of a method counts as exact except for rounding."""
 
 FACTORS = 20
 """Least number of factorisations of an implicit method; if they cost too much, the method is left out."""
@@ -188,8 +188,8 @@ def _without_factors(solver: Solver, best: Trajectory, names: Sequence[str], set
 
 
 def _is_rounding(methods: dict[str, list[dict[str, Any]]]) -> bool:
-    """Whether the errors of all methods are rounding even at their loosest settings, so that they do not distinguish the
-    methods."""
+    """Whether the errors of all methods are only rounding, even at the loosest settings; then they do not distinguish
+    the methods."""
     points = [p for several in methods.values() for p in several]
     return bool(points) and all(max(p["error"], p["sensitivity_error"] or 0.0) < EXACT for p in points)
 

@@ -93,8 +93,8 @@ NOTATION = (
     "direction, <i>T d Eq. 45</i> the transpose of that, <i>primitive</i> the derivative of a statement by one of its operands "
     "(Eq. 10).</p>",
     "<p>The index above a symbol is the body, loop or region whose memory holds it, and δ precedes a quantity that is computed "
-    "for each direction (shaded). Symbols without an index above are local to their part, or coordinates q, speeds u, joint forces "
-    "τ and parameters of the model. The table at the end explains the names.</p>",
+    "for each direction (shaded). Symbols without an index above are local to their part, or coordinates q, speeds u, joint "
+    "forces τ and parameters of the model. The table at the end explains the names.</p>",
 )
 
 

@@ -32,7 +32,7 @@ def compare_with_peers(
     Returns
     -------
     dict
-        "skipped": why, by program; "problems": a list of rows by problem.
+        "skipped": reasons by program; "problems": a list of rows by problem.
     """
     there = {who for who, module in NEEDED.items() if importlib.util.find_spec(module) is not None}
     skipped = {

@@ -40,7 +40,8 @@ def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]]
 
 
 def chain_rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
-    """udot of the chain by an algorithm that shares no code with the generator."""
+    """Accelerations udot of the chain, and their derivatives, by an algorithm that shares no code with the
+    generator."""
     constants = [mpmath.mpf(x) for x in (1.0, 0.05, 9.81)]
     return articulated_chain.accelerations(list(q), list(u), length, sine, cosine, *constants)
 

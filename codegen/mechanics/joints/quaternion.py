@@ -97,7 +97,7 @@ class QuaternionJoint(LinkJoint):
     def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
         return x.load(store, fields.turn(component))
 
-    # -- blocks of their own ---------------------------------------------------------------------------------------
+    # -- blocks that compute rotations -----------------------------------------------------------------------------
 
     def write_rotation(self) -> None:
         """Rotation matrix of e/|e|, parent components from link components; the factor 2/|e|^2 allows for any length of e."""

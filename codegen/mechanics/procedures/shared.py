@@ -89,7 +89,7 @@ class Shared:
             ),
         ]
 
-    # -- what procedures share -------------------------------------------------------------------------------------
+    # -- steps that procedures share -------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         """Steps that run before the sweeps, and those that run before sweeps over directions."""

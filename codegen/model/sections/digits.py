@@ -19,7 +19,7 @@ from ..reading import Reader
 _PART: Final = math.pi / 12
 _EXACT: Final = 1e-13
 _MOST: Final = 48
-"""Largest multiple of pi/12: two turns in either sense."""
+"""Largest multiple of pi/12 that is recognised: two turns in either sense."""
 
 
 def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:

@@ -148,7 +148,7 @@ def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expr
 
 
 def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> None:
-    """Store the dimension of a constant that is written with a unit."""
+    """Store the dimension of a constant whose value is written with a unit."""
     try:
         written = parse(value) if isinstance(value, str) else None
     except ExpressionError:

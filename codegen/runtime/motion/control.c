@@ -75,7 +75,7 @@ static int end_at_pose(ordernm_motion *m, trial *step)
 {
     if (m->results->steps) return 0; /* the adjoint cannot use an interpolated end */
     if (!step->to_wall || step->end != m->problem->end) return 0;
-    const int last = m->method->gives_rate ? m->method->stages - 1 : m->method->stages; /* at the end */
+    const int last = m->method->gives_rate ? m->method->stages - 1 : m->method->stages; /* index of the stage at the end of the step */
     if (!(fabs(m->pose - step->end) <= AT_POSE*step->h || m->conditions[last] > m->hopeless)) return 0;
     step->at_pose = !ordernm_beside(m, step->h, ordernm_report, ordernm_row_size(m->problem));
     if (step->at_pose) {

@@ -182,14 +182,14 @@ typedef struct {
     long lost_capacity, lost_count;
     ordernm_scalar t;         /* time reached */
     int singular;             /* status of the function that failed */
-    int grazed;               /* 0, or 1 + a switch that was only touched: derivatives do not exist from there on */
-    int not_held;             /* 0, or 1 + a switch that was passed although held rates are undefined after it: derivatives lack its jump */
-    int together, together_with; /* 0, or 1 + the last two switches passed at the same time, with a jump of rates or of an event's output */
+    int grazed;               /* 0, or 1 + index of a switch that was only touched: derivatives do not exist from there on */
+    int not_held;             /* 0, or 1 + index of a switch that was passed although held rates are undefined after it: derivatives lack its jump */
+    int together, together_with; /* 0, or 1 + indices of the last two switches passed at the same time, with a jump of rates or of an event's output */
     ordernm_scalar together_at; /* time of these switches: if their order matters, the adjoint does not exist */
     int ordered;              /* the order of these switches matters along a direction, whose derivatives are NaN from there on */
-    int event_together;       /* 0, or 1 + an event at the same time as the switch together_with */
+    int event_together;       /* 0, or 1 + index of an event at the same time as the switch together_with */
     int event_ordered;        /* rows of events have NaN for derivatives that depend on the order of event and switch */
-    int moved;                /* 0, or 1 + a switch of prescribed motion that was passed */
+    int moved;                /* 0, or 1 + index of a switch of prescribed motion that was passed */
     ordernm_scalar moved_at;  /* time of that switch: if the velocity of that motion jumps there, results lack the impulse on other
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
     int late;                 /* 0, or 1 + index of a switch passed at a pose where a loop loses rank; no step can end at such a pose */

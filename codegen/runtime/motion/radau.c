@@ -381,7 +381,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(scalar));
     *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     if (*error > 1.0 && !p->fixed && (!r->accepted || m->rejected_before)) {
-        /* Filters stiff components once more. */
+        /* Filters the stiff components of the error estimate once more. */
         estimate(m, h, 0, m->rate[0]);
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + (k < m->ny ? m->error[0][k] : 0.0);
         if (!ordernm_rates_of(m, m->t, m->trial, m->rate[1], 0, 0, m->nx ? RATES | INTEGRALS : RATES)) {

@@ -72,7 +72,7 @@ void ordernm_radau_take_jacobian(struct radau *r)
 
 /* ---- The equations of a step: a real and a complex matrix with one Jacobian. ---- */
 
-/* Returns 1 if a matrix is singular. */
+/* Factors of the real and of the complex matrix, for steps of size h. Returns 1 if a matrix is singular. */
 int ordernm_radau_factorise(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;

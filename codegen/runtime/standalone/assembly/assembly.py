@@ -182,7 +182,7 @@ class Assembly:
             raise self._open(q, x, "")
         return self._checked(found[None], x[None], [()])[0]
 
-    # -- from afar -----------------------------------------------------------------------------------------------------
+    # -- guesses far from closed states --------------------------------------------------------------------------------
 
     def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], beside: Array, names: list[str]) -> Array:
         """Closes guesses (n, nq) that are not near a closed state. `beside` contains a closed state in the vicinity of each

@@ -73,7 +73,7 @@ class Line(NamedTuple):
     shared: Array
 
     def of(self, n: Indices) -> Line:
-        """A selection of the lines."""
+        """The lines of selected states."""
         return Line(*(a[n] for a in self))
 
     def at(self, s: Array) -> tuple[Array, Array]:
@@ -120,7 +120,7 @@ class _Going(NamedTuple):
     slope: Array
 
     def of(self, n: Indices) -> _Going:
-        """A selection of the states."""
+        """The selected ones of these states."""
         return _Going(*(a[n] for a in self))
 
 

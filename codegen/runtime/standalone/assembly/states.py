@@ -80,7 +80,7 @@ class States(Room):
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
         return at["q"], *self._completed_along(at, batch, (dq_new, du_new, *along[2:]))
 
-    # -- how -----------------------------------------------------------------------------------------------------------
+    # -- assembly and completion ---------------------------------------------------------------------------------------
 
     @property
     def initial_is_fixed(self) -> bool:

@@ -71,7 +71,7 @@ def warn_of_bad(model: str, bad: Mapping[int, str], batch: Shape) -> None:
 
 
 def spread(bad: Mapping[int, str], of: Shape, batch: Shape) -> dict[int, str]:
-    """Bad states by their numbers in a larger batch, to which their batch of shape `of` is broadcast."""
+    """Bad states by their numbers in a larger batch, to which the smaller batch of shape `of` is broadcast."""
     if not bad:
         return {}
     numbers = np.full(math.prod(of), -1)

@@ -150,7 +150,7 @@ class Batches:
             found |= of_part
         return found
 
-    # -- several at once -----------------------------------------------------------------------------------------------
+    # -- several states at once ----------------------------------------------------------------------------------------
 
     def takes(self, f: Function, count: int, k: int = 0) -> bool:
         """Whether to compute several states at once; compiles the code once enough states have been computed."""

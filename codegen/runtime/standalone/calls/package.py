@@ -105,7 +105,7 @@ class Package:
             return self._compiled[opened.number]
 
     def _use(self, opened: Opened) -> None:
-        """Makes `opened` the partition in use."""
+        """Makes the partition `opened` the partition in use."""
         self._opened = opened
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
@@ -142,7 +142,7 @@ class Package:
             raise AttributeError(self._why_not(name))
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
-    # -- what the model is ---------------------------------------------------------------------------------------------
+    # -- properties of the model ---------------------------------------------------------------------------------------
 
     @property
     def target(self) -> str:

@@ -94,7 +94,7 @@ class Frames(Room):
     # -- selections and calls ------------------------------------------------------------------------------------------
 
     def _moving(self, given: tuple[Any, ...]) -> tuple[Any, ...]:
-        """The state, with zero speeds if none are given."""
+        """Arguments of a state, with zero speeds if none are given."""
         return given if given[1] is not None else (given[0], self._speed_units[0], *given[2:])
 
     def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
@@ -342,7 +342,7 @@ def _vector(solver: Frames, point: Any) -> Array:
 
 
 def _place(name: Any, known: Sequence[str], what: str) -> int:
-    """Index of a name among the known ones."""
+    """Index of a name among the known names."""
     if name in known:
         return known.index(name)
     raise unknown(what, name, known)
@@ -354,5 +354,5 @@ def _columns(angular: Array, linear: Array) -> Array:
 
 
 def _last(x: Array) -> Array:
-    """Moves the first axis to the end."""
+    """An array with its first axis moved to the end."""
     return x.transpose(*range(1, x.ndim), 0)

@@ -97,7 +97,7 @@ class LoopForces(Room):
             dtau = dtau + largest * self._mass_along(at, unit, size, shift)
         return tuple(_placed(["force", "dforce"], [(M @ missing[..., None])[..., 0], dtau], out))
 
-    # -- from the kinetic energy ---------------------------------------------------------------------------------------
+    # -- derivatives of the kinetic energy -----------------------------------------------------------------------------
 
     @property
     def _free_speeds(self) -> list[int]:

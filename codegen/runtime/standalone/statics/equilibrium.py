@@ -236,7 +236,8 @@ class Search:
 
 
 def rests(udot: Array, J: Array, tolerance: float) -> bool:
-    """Whether accelerations are negligible compared with those of a displacement of 1 rad or 1 m, or with 1."""
+    """Whether accelerations are negligible compared with 1, or with the accelerations that a displacement of 1 rad or 1
+    m causes."""
     return bool(np.all(np.abs(udot) <= tolerance * (1.0 + np.abs(J).sum(axis=1))))
 
 
@@ -263,12 +264,12 @@ def neutral_directions(J: Array) -> Array:
 
 
 def _regular(sizes: Array) -> NDArray[np.bool_]:
-    """Mask of the singular values that are not zero."""
+    """Mask of the singular values that do not count as zero."""
     return sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
 
 
 def _inverse(J: Array) -> Array:
-    """The pseudo-inverse."""
+    """The pseudo-inverse from a singular value decomposition."""
     columns, sizes, rows = np.linalg.svd(J)
     kept = _regular(sizes)
     return np.asarray((rows[kept].T / sizes[kept]) @ columns[:, kept].T, np.float64)

@@ -117,7 +117,7 @@ class Statics(Room):
             matrices, (names, self.input_names, asked, known), (at.q, at.u, equations.tangents), at_rest, derivatives
         )
 
-    # -- details -------------------------------------------------------------------------------------------------------
+    # -- parts of the methods ------------------------------------------------------------------------------------------
 
     def _needs_all(self, name: str) -> None:
         """Raises AttributeError if the package lacks a function that the method needs."""

@@ -354,7 +354,7 @@ class Trajectory:
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
         return f"no series {name!r} in the trajectory of {self.model}; there are t, {some(self.names)}{hint}"
 
-    # -- what is computed when it is asked for -------------------------------------------------------------------------------
+    # -- values computed at first use --------------------------------------------------------------------------------
 
     @property
     def energy(self) -> Array | None:
@@ -376,7 +376,7 @@ class Trajectory:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_later": {name: self._now(name) for name in LATER}, "views": None}
 
-    # -- how it went -------------------------------------------------------------------------------------------------------
+    # -- end and accuracy of the motion ------------------------------------------------------------------------------
 
     @property
     def final(self) -> tuple[Array, Array]:
@@ -469,7 +469,7 @@ class Trajectory:
         shown = self.output_names or self.names
         return as_html(self.lines(), self.t, [(name, self.unit(name), self[name]) for name in shown])
 
-    # -- elsewhere ---------------------------------------------------------------------------------------------------------
+    # -- tables, files, plots and views ------------------------------------------------------------------------------
 
     def columns(self) -> dict[str, Array]:
         """Return all series under their column names in a table.
