@@ -156,8 +156,7 @@ class Model:
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """Inputs that the file declares: the first entries of `inputs`, without the time derivatives that follow
-        them."""
+        """Inputs that the file declares: the first entries of `inputs`, before their time derivatives."""
         rates = self._rates(set(self.inputs))
         return tuple(n for n in self.inputs if n not in rates)
 
