@@ -425,7 +425,7 @@ static int forward(call *a)
 #define WIDTH 8
 #include "pendulum_directions.h"
 
-/* Sines and cosines depend on the order of summation, and results are checked for NaN. */
+/* Sines and cosines are accurate only with sums in the given order, and results are checked for NaN. */
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "pendulum.c needs sums in the given order, and NaN: compile it with -O2 or -O3, without -ffast-math, -Ofast or any option that they imply"
 #endif
