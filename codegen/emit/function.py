@@ -44,13 +44,13 @@ class Function:
 
     @property
     def head(self) -> list[str]:
-        """Lines of the whole comment."""
+        """Lines of the whole comment above the function."""
         texts = (self.comment, *self.notes)
         return [x for t in texts for x in ([t.rstrip()] if len(t) <= COMMENT else textwrap.wrap(t, COMMENT))]
 
 
 def called_with(head: str, items: list[str], end: str = ")") -> str:
-    """A head and its arguments, wrapped."""
+    """A function call or declaration: a head and its arguments, wrapped."""
     lines = [head]
     for i, item in enumerate(items):
         item += end if i == len(items) - 1 else ","
@@ -62,5 +62,5 @@ def called_with(head: str, items: list[str], end: str = ")") -> str:
 
 
 def in_lines(items: list[str], columns: int) -> list[str]:
-    """Items in lines, a fixed number in each."""
+    """List items in lines, with a fixed number of items in each line."""
     return [", ".join(items[i : i + columns]) + "," for i in range(0, len(items), columns)]

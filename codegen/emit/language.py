@@ -49,7 +49,7 @@ RowPlace = Callable[[Column, Store, str], Located]
 
 
 class Language(ABC):
-    """Source of a program in one language.
+    """Base class of the writers: prints a program in one language.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Language(ABC):
 
     @abstractmethod
     def call(self, name: str, lanes: bool, index: str | None) -> str:
-        """Statement that calls a function."""
+        """Statement that calls a generated function."""
 
     @abstractmethod
     def repeat(self, start: int, end: int, step: int, inward: bool, calls: list[str]) -> list[str]:
@@ -129,7 +129,7 @@ class Language(ABC):
 
     @abstractmethod
     def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
-        """Calls for all rows of a table."""
+        """Calls of a function for all rows of a table."""
 
     @abstractmethod
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
@@ -161,7 +161,7 @@ class Language(ABC):
 
     @abstractmethod
     def number_of_row(self, table: str, row: str, index: int) -> Located:
-        """Place of a number of the current row."""
+        """Place of a number in the current row of a table of numbers."""
 
     def lines_of(
         self,

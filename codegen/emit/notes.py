@@ -13,7 +13,7 @@ from .function import COMMENT
 
 
 def notes(block: Block) -> list[str]:
-    """Comment lines: inputs, outputs and operation counts."""
+    """Comment lines of a generated function: inputs, outputs and operation counts."""
     found = []
     for word, components in (("in", list(block.loads.values())), ("out", [(s, n) for s, n, _ in block.stores])):
         by_store: dict[str, dict[str, None]] = {}

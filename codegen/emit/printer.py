@@ -42,7 +42,7 @@ _sign: Callable[[tuple[bool, Expr]], bool] = itemgetter(0)
 
 
 class Printer(ABC):
-    """Prints one right side.
+    """Prints the right side of a statement.
 
     Parameters
     ----------
@@ -181,11 +181,11 @@ class Printer(ABC):
 
     @abstractmethod
     def sign(self, x: str) -> str:
-        """1, 0 or -1."""
+        """The text of the sign of an expression: 1, 0 or -1."""
 
     @abstractmethod
     def at_least(self, a: str, b: str) -> str:
-        """1 where a is at least b, else 0."""
+        """The text of a comparison: 1 where a is at least b, else 0."""
 
     @abstractmethod
     def turned(self, angle: str, mode: str) -> str:

@@ -1,4 +1,4 @@
-"""The available targets."""
+"""The list of available targets."""
 
 from __future__ import annotations
 

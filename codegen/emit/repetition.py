@@ -16,7 +16,7 @@ SHORT = 24
 """Lists up to this length are written in full, because people may want to read them."""
 
 LONGEST = 16
-"""Most items in a repeated pattern."""
+"""Largest number of items in a repeated pattern."""
 
 Item = str | int | float
 
@@ -28,7 +28,7 @@ _INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """Repeated items.
+    """A repeated pattern of a list.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
 
 
 def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
-    """An item without its integers, and the integers."""
+    """An item without its integers, followed by these integers."""
     if isinstance(value, str):
         return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
     if isinstance(value, int):
@@ -90,7 +90,7 @@ def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
 
 
 def _count(forms: Sequence[tuple[Form, tuple[int, ...]]], start: int, period: int) -> int:
-    """The number of repetitions of a period."""
+    """The number of times that a list repeats its first items, from a given place on."""
     steps = []
     for k in range(start, start + period):
         (form, integers), (next_form, next_integers) = forms[k], forms[k + period]

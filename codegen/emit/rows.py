@@ -132,7 +132,7 @@ class RowWriter(SweepWriter):
             more = len(kind.places) - 3
             about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"
         made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
-        if "back_" in parts and kind.transposed.stores:  # a formula of numbers has no adjoint
+        if "back_" in parts and kind.transposed.stores:  # a formula that contains only numbers has no adjoint
             made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
         for part, called, block, what in made:
             if part in parts:

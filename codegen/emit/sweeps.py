@@ -167,11 +167,11 @@ class SweepWriter(Language):
             return [self.loop(sweep)]
         functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
         if any(of.then == sweep for of in self.plan.sweeps.values()):
-            return functions  # another sweep's loop calls these functions
+            return functions  # the loop of another sweep calls these functions
         return [*functions, self.loop(sweep)]
 
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
-        """The function of `link_function`, preceded by its parts."""
+        """The function of some kinds of links, preceded by its parts if it is divided."""
         return [self.link_function(sweep, kinds)]
 
 

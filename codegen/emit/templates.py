@@ -55,7 +55,7 @@ class KeptBeside(jinja2.BytecodeCache):
                 bucket.load_bytecode(file)
 
     def dump_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        """Keep the code of a bucket."""
+        """Write the compiled code of a template to its file."""
         if sys.dont_write_bytecode:
             return
         file = self._file(bucket)
@@ -82,5 +82,5 @@ def environment() -> jinja2.Environment:
 
 
 def render(template: str, context: Mapping[str, object]) -> str:
-    """The text of a template."""
+    """The text that a template gives for some variables."""
     return environment().get_template(template).render(context)

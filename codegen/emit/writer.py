@@ -20,13 +20,13 @@ from .runs import called_for, name_of, part_of, widest_first
 
 
 class Writer(RowWriter):
-    """Source of a program in one language."""
+    """Base class of the writers of source files, for one language."""
 
     # -- the files -------------------------------------------------------------------------------------------------
 
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
-        """The functions of every sweep."""
+        """The functions of all sweeps, by sweep."""
         sets = self.sets_of_widths
         then = {self.plan.sweeps[s].then for s in self.blocks}  # loops of other sweeps call these, so they come first
         ranks = {s: 1 + sets.index(self.widths[s]) if self.plan.sweeps[s].lanes else 0 for s in self.blocks}
@@ -44,14 +44,14 @@ class Writer(RowWriter):
 
     @cached_property
     def sets_of_widths(self) -> list[tuple[int, ...]]:
-        """All sets of widths, the largest first."""
+        """All sets of widths for which something is called, the largest set first."""
         sets = {*self.widths.values(), *(widest_first(p) for p in self.asked if p.widths)}
         return sorted(sets, key=lambda widths: (-len(widths), widths))
 
     @cached_property
     def constants(self) -> tuple[list[Function], list[str]]:
-        """Functions that compute constants, and their calls."""
-        _ = self.swept  # write sweeps first: their tables come first
+        """Functions that compute constants from parameters, and the statements that call them."""
+        _ = self.swept  # the sweeps are written first, so their tables come first
         return self.constants_functions() if self.prepares(CONSTANTS) else ([], [])
 
     @cached_property
@@ -82,7 +82,7 @@ class Writer(RowWriter):
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
                 title = f"{of}{step.name.replace('_', ' ')}"
                 signature = self.signature(name_of(step), step.lanes, False)
-                if lines == [self.call(names[0], step.lanes, None)]:  # one function needs no caller
+                if lines == [self.call(names[0], step.lanes, None)]:  # a single function is called directly
                     found[step] = [replace(functions[0], signature=signature)]
                 else:
                     found[step] = [*functions, Function(title, signature, lines)]
@@ -139,4 +139,4 @@ FORMULA_ORDER = (
     "tau", "outputs", "switches", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u",
     "frames", "frame_accelerations", "point_places",
 )  # fmt: skip
-"""Order of the tables of formulas."""
+"""The order of formulas in the tables of generated code."""

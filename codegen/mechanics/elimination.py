@@ -162,7 +162,7 @@ class SymmetricSystem:
             return D
         if not self.x.structural:
             raise ZeroPivotError(self.kind)
-        return ANY  # the children's patterns are not known yet
+        return ANY  # the zero patterns of the children are not known yet
 
     def block(self, row: int, column: int) -> Matrix:
         """The 6x6 block of Q that begins at this row and column."""

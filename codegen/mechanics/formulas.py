@@ -31,7 +31,7 @@ def has_derivative(store: Store) -> bool:
 
 
 def seed_of(store: Store) -> Store:
-    """The store of an argument's seeds."""
+    """The store of the seeds that belong to an argument's store."""
     return argument(f"d{store.name}", lanes=True)
 
 
@@ -53,7 +53,7 @@ class FormulaSlots:
                 self._places[name] = (category, i)
 
     def clear(self) -> None:
-        """Start the next formula."""
+        """Prepare for the slots and numbers of the next formula."""
         self.slots, self.numbers = {}, []
 
     def convert(self, tree: Tree) -> Tree:
@@ -72,7 +72,7 @@ class FormulaSlots:
 def formula_kinds(
     model: Model, target: str, formulas: Sequence[tuple[int, Tree]], places: Mapping[int, str] | None = None
 ) -> list[Formula]:
-    """Blocks for formulas, one per form.
+    """Blocks for formulas: one for each form.
 
     Parameters
     ----------

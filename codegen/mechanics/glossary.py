@@ -45,7 +45,7 @@ WORDS = {
 
 
 def glossary() -> str:
-    """The page, in Markdown."""
+    """The text of the glossary page, in Markdown."""
     ending = re.compile(r"_[xyz]{1,2}$|(?<=_)\d\d$")
     lines = [
         "# Glossary",

@@ -100,7 +100,7 @@ def _saved(kind: UnitKind, i: int) -> Component:
 
 @dataclass(slots=True)
 class _Unit:
-    """Merges the blocks of one kind of units.
+    """Merges the blocks of the six sweeps for one kind of units.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class _Unit:
 
     @property
     def lanes(self) -> list[Store]:
-        """The lanes of its links."""
+        """The stores of the lanes of the unit's links."""
         return [MY_LANE if place is None else MY_LANE[place] for _, place in self.links]
 
     def run(

@@ -74,7 +74,7 @@ def _base(sweep: str) -> str:
 
 
 class _Merging:
-    """Merges the blocks of a sweep.
+    """Merges the blocks of a sweep into one.
 
     Attributes
     ----------

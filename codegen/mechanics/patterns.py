@@ -114,7 +114,7 @@ class Patterns:
         self._ground()
 
     def _ground(self) -> None:
-        """The ground: at rest, accelerating by -g."""
+        """Known values of the ground's memory: the ground is at rest and accelerates by -g."""
         gravity = self.system.gravity
         record = self.of((RECORD, ""), GROUND_KIND)
         for turned in (fields.attitude, fields.closing_attitude):
@@ -234,7 +234,7 @@ class Patterns:
         return _Run(x, at, reads)
 
     def _note(self, memory: MemoryKey, kind: KindKey) -> None:
-        """Note a change in memory that blocks read."""
+        """Note that memory has changed which other blocks read."""
         self._clock += 1
         self._changes[memory, kind] = self._clock
 

@@ -11,7 +11,7 @@ from .sweeps import SWEEP
 
 
 def run(*sweeps: str) -> tuple[Run, ...]:
-    """Steps that run these sweeps in turn."""
+    """Steps that run the named sweeps in turn."""
     return tuple(Run(s, SWEEP[s].lanes) for s in sweeps)
 
 
@@ -79,7 +79,7 @@ QUANTITIES = {q.name: q for q in (POSE, KINETIC, ACCELERATION, MASSES, MOMENTA)}
 """Quantities that outputs may read, by name, in the order of computation."""
 
 ENERGIES = ("kinetic_energy", "potential_energy")
-"""Energies in the order of the array ``energy``."""
+"""The two energies, in the order of the array ``energy``."""
 
 
 def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:

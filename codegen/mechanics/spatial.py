@@ -92,6 +92,6 @@ def six(m: Rows) -> Vector:
 
 
 def skew(v: Components) -> Matrix:
-    """The matrix of ``v x``."""
+    """The cross-product matrix of v: ``v x``."""
     x, y, z = v
     return [[0, -z, y], [z, 0, -x], [-y, x, 0]]

@@ -117,7 +117,7 @@ class Sweep:
         return None
 
     def kinds(self, system: System) -> Sequence[UnitKind]:
-        """The kinds that have a block."""
+        """The kinds for which the sweep has a block."""
         kinds: Sequence[UnitKind] = system.unit_kinds if self.units else system.kinds
         if self.element is not None:
             kinds = system.element_kinds

@@ -119,7 +119,7 @@ class Addresses(ABC):
     @property
     @abstractmethod
     def tables(self) -> list[IndexTable]:
-        """All tables, once each."""
+        """All tables of the program, each once."""
 
     @abstractmethod
     def table(self, sweep: str) -> IndexTable:

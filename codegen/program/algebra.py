@@ -96,7 +96,7 @@ class Expr:
         return self if all(a is b for a, b in zip(args, self.args, strict=True)) else self.rebuilt(args)
 
     def rebuilt(self, args: list[Expr]) -> Expr:
-        """Return the same operation on other operands."""
+        """Return the expression with the same operation on other operands."""
         raise NotImplementedError
 
 
@@ -194,7 +194,7 @@ class Number(Expr):
 
 
 class Add(Expr):
-    """A sum."""
+    """A sum of expressions."""
 
     __slots__ = ()
     is_Add = True
@@ -204,7 +204,7 @@ class Add(Expr):
 
 
 class Mul(Expr):
-    """A product; a numerical factor comes first."""
+    """A product of expressions; a numerical factor comes first."""
 
     __slots__ = ()
     is_Mul = True
@@ -214,7 +214,7 @@ class Mul(Expr):
 
 
 class Pow(Expr):
-    """A power by a number."""
+    """A power of an expression, with a number as exponent."""
 
     __slots__ = ()
     is_Pow = True
@@ -234,7 +234,7 @@ class Pow(Expr):
 
 
 class Function(Expr):
-    """The value of an elementary function."""
+    """An elementary function applied to operands."""
 
     __slots__ = ("name",)
     is_Function = True
@@ -362,7 +362,7 @@ def _node(kind: type[Expr], rank: int, args: tuple[Expr, ...]) -> Expr:
 
 
 def function(name: str, *args: Expr) -> Expr:
-    """The value of a function, without simplification."""
+    """The value of an elementary function, without simplification."""
     entry = (_FUNCTION, name, *args)
     found = _made.get(entry)
     if found is None:
@@ -422,7 +422,7 @@ def coefficient(e: Expr) -> tuple[Number, Expr]:
 
 
 def add(*args: Expr) -> Expr:
-    """A sum."""
+    """A sum of expressions, simplified."""
     args = tuple([a for a in args if a is not ZERO])
     if len(args) < 2:
         return args[0] if args else ZERO
@@ -504,7 +504,7 @@ def _as_double(value: Fraction | int, like: Real) -> Real:
 
 
 def negative(e: Expr) -> Expr:
-    """Minus an expression."""
+    """The negative of an expression."""
     if isinstance(e, Number):
         return Number(-e.value)
     if e.is_Add:
@@ -521,7 +521,7 @@ def negative(e: Expr) -> Expr:
 
 
 def multiply(*args: Expr) -> Expr:
-    """A product."""
+    """A product of expressions, simplified."""
     args = tuple([a for a in args if a is not ONE])
     if len(args) < 2:
         return args[0] if args else ONE
@@ -533,7 +533,7 @@ def multiply(*args: Expr) -> Expr:
 
 
 def _keep(c: Number, e: Expr) -> Expr:
-    """A number times a term of a sum."""
+    """A number times one term of a sum."""
     if isinstance(e, Number):
         return Number(_with_digits(c.value, e.value, add=False))
     if c is MINUS_ONE:
@@ -601,7 +601,7 @@ def _product(args: tuple[Expr, ...]) -> Expr:
 
 
 def power(base: Expr, exponent: Expr) -> Expr:
-    """A power with a numerical exponent."""
+    """A power with a numerical exponent, simplified."""
     if not isinstance(exponent, Number):
         raise TypeError(f"{base}**{exponent}: exponents are numbers")
     n = exponent.value
@@ -656,14 +656,14 @@ def _power_of_number(base: Number, exponent: Number) -> Expr:
 
 
 def ratio(a: Number, b: Number) -> Number:
-    """A quotient of numbers."""
+    """The quotient of two numbers."""
     found = multiply(a, power(b, MINUS_ONE))
     assert isinstance(found, Number)
     return found
 
 
 def numbers_of(e: Expr) -> Iterator[Number]:
-    """The numbers in an expression."""
+    """All numbers that occur in an expression."""
     if isinstance(e, Number):
         yield e
     for a in e.args:
@@ -695,7 +695,7 @@ def value_of_number(e: Expr) -> float:
 
 
 def sqrt(e: object) -> Expr:
-    """A square root."""
+    """The square root of an expression, simplified."""
     return power(expression(e), HALF)
 
 

@@ -44,7 +44,7 @@ def up_to_sign(e: Expr) -> Hashable:
 
 
 def _unsigned(term: Expr) -> Hashable:
-    """A term without its numerical factor."""
+    """A term of a sum without its numerical factor."""
     if term.is_Mul:
         factors: tuple[Expr, ...] = term.args[1:] if term.args[0].is_Number else term.args
         return factors if len(factors) > 1 else factors[0]
@@ -170,7 +170,7 @@ class Scope(ABC):
 
     @abstractmethod
     def sqrt(self, value: Value) -> Value:
-        """The square root, without a name."""
+        """The square root of a value; the result gets no name."""
 
     @abstractmethod
     def call(self, function: str, *arguments: Value) -> Value:
@@ -178,7 +178,7 @@ class Scope(ABC):
 
     @property
     def half(self) -> Value:
-        """One half."""
+        """The number one half."""
         return self.number(algebra.HALF)
 
     def let_vector(self, name: str, v: Sequence[Value], tag: str = "", lanes: bool = False) -> Vector:
@@ -198,7 +198,7 @@ class Scope(ABC):
         return field.read(partial(self.component, store))
 
     def store(self, store: Store, field: Field[V], value: V) -> None:
-        """Write a field."""
+        """Write a value to a field."""
         self._check(store, field)
         for name, part in field.parts(value):
             self.writes[store, name] = field

@@ -19,7 +19,7 @@ from .procedure import (
 
 
 def sweeps(procedures: tuple[Procedure, ...]) -> set[str]:
-    """Sweeps that procedures run."""
+    """Names of the sweeps that some procedures run."""
     return {s.sweep for p in procedures for s in walk(p.steps) if isinstance(s, Run)}
 
 

@@ -113,7 +113,7 @@ class Readable(ABC, Generic[V_co]):
         return tuple(self._part(ScalarField, name) for name in self.components)
 
     def _part(self, of: type[F], name: str) -> F:
-        """A field of selected components."""
+        """A field that consists of selected components of this one."""
         part = of(name, self.unit, self.frame, self.meaning, propagated=self.propagated)
         part.family = self.family
         return part
@@ -131,7 +131,7 @@ class Field(Readable[V], Generic[V]):
 
     @abstractmethod
     def parts(self, value: V) -> Iterator[tuple[str, Value]]:
-        """The components with their values."""
+        """The components of the field, each with its part of a value."""
 
 
 class ScalarField(Field[Value]):

@@ -16,7 +16,7 @@ _FAMILIES: list[tuple[str, str, AnyField]] = []
 
 
 def list_fields(fields: dict[str, AnyField], called: Mapping[str, str]) -> None:
-    """Enter fields into the table.
+    """Enter fields into the table, with their names in generated code.
 
     Parameters
     ----------

@@ -193,7 +193,7 @@ SYMBOLIC: dict[str, Made] = {
     "mod": Modulo,
     "wrapped": Modulo, "choice": Choice, "vanishing": Vanishing,
 }  # fmt: skip
-"""The functions of the model format."""
+"""Elementary functions that the model format has, by name."""
 
 _FUNCTIONS = SimpleNamespace(**SYMBOLIC)
 

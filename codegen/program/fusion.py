@@ -32,7 +32,7 @@ def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store,
 
 
 class _Fusion:
-    """Builds the combined block.
+    """Builds one block from several.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class _Fusion:
         self.taken: set[str] = set()
 
     def add(self, block: Block) -> None:
-        """Append a block."""
+        """Append a block to the combined one."""
         new: dict[Symbol, Expr] = {}
         for symbol, (store, name) in block.loads.items():
             new[symbol] = self.value((store.plain, name), symbol)
@@ -100,7 +100,7 @@ class _Fusion:
         self.pending[at] = e, False
 
     def let(self, name: str, e: Expr, lanes: bool) -> Expr:
-        """Name a value that has no name."""
+        """Name a value that has no name yet."""
         if e.is_Symbol or e.is_Number or (-e).is_Symbol:
             return e
         target = self.fresh(name.replace(".", "_").replace("/", "_d").replace("#", ""))

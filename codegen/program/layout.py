@@ -65,7 +65,7 @@ class Layout:
 
 
 def numbered(names: list[str]) -> Fields:
-    """Consecutive places for components."""
+    """Consecutive places in a row, one for each component."""
     return {name: i for i, name in enumerate(names)}
 
 

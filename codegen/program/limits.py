@@ -14,7 +14,7 @@ EPSILON = 2.0**-52
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of a scalar type.
+    """Range and precision of a scalar type.
 
     Attributes
     ----------
@@ -57,5 +57,5 @@ def limited(limits: Limits) -> Iterator[None]:
 
 
 def limits() -> Limits:
-    """Limits of the program that is being written."""
+    """The limits of the scalar type of the program that is being written."""
     return _limits.get()

@@ -19,7 +19,7 @@ class Operations:
 
     @property
     def flops(self) -> int:
-        """Additions, multiplications and divisions."""
+        """The number of additions, multiplications and divisions."""
         return self.additions + self.multiplications + self.divisions
 
     def words(self) -> str:

@@ -131,7 +131,7 @@ def share_products(block: Block) -> Block:
             if bare in repeated:
                 if bare not in made:
                     if bare in names:
-                        terms.append(term)  # a later statement already names this product
+                        terms.append(term)  # a later statement already has this name for the product
                         continue
                     number = len(terms)
                     while f"{s.target.name}_s{number}" in taken:  # an earlier run of this pass has used this name
@@ -230,7 +230,7 @@ def _factor(e: Expr) -> Expr:
 
 
 def drop_dead(block: Block) -> Block:
-    """Remove statements and loads that no store needs."""
+    """Remove statements and loads on which no store depends."""
     needed = block.symbols_stored()
     statements: list[Statement] = []
     for s in reversed(block.statements):
@@ -311,7 +311,7 @@ PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
     ("propagate copies again", propagate_copies),
     ("drop dead statements again", drop_dead),
 )
-"""The passes and their order."""
+"""All passes, in the order in which they run."""
 
 
 def simplify(block: Block) -> Block:

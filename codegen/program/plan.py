@@ -16,7 +16,7 @@ from .store import Memory, Store
 
 @dataclass(frozen=True, slots=True)
 class Merged:
-    """The blocks of a sweep as one block.
+    """All blocks of a sweep, merged into one block.
 
     Attributes
     ----------

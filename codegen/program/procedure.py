@@ -16,7 +16,7 @@ from dataclasses import replace
 from ..records import dataclass
 
 WIDTHS = (8, 2, 1)
-"""Directions per call of the sensitivities."""
+"""Numbers of directions for which the sensitivities are generated."""
 
 CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
@@ -161,7 +161,7 @@ class ZeroEntries:
 
 @dataclass(frozen=True, slots=True)
 class Combine:
-    """A sum of arrays, minus others."""
+    """Set an array to a sum of arrays, minus other arrays."""
 
     to: Array
     plus: tuple[Array, ...]
@@ -290,7 +290,7 @@ class AllColumns:
 
     @property
     def seeds(self) -> tuple[Array, ...]:
-        """The arrays that get ones."""
+        """The arrays of seeds in which entries are set to one."""
         return tuple(dict.fromkeys(a for a, _ in self.units))
 
     @property
@@ -417,7 +417,7 @@ class Procedure:
 
     @property
     def called(self) -> str:
-        """Name that users call."""
+        """The name by which users call the function."""
         return self.member or self.name
 
     def written_apart(self) -> frozenset[str]:

@@ -64,7 +64,7 @@ class Owner:
 
 @dataclass(frozen=True, eq=False)
 class Store:
-    """Memory as a block addresses it.
+    """A store: memory, as a block addresses it.
 
     Attributes
     ----------
@@ -87,12 +87,12 @@ class Store:
 
     @property
     def lanes(self) -> bool:
-        """One value per direction."""
+        """Whether the memory has one value per direction."""
         return self.memory.lanes
 
     @property
     def label(self) -> str:
-        """Name and place, ``root#1``."""
+        """Name and place of the store, such as ``root#1``."""
         return self.name if self.place is None else f"{self.name}#{self.place}"
 
     def __getitem__(self, place: int) -> Store:

@@ -58,7 +58,7 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
 
 
 class Operation(Protocol):
-    """A sum or a product of expressions."""
+    """An operation that makes a sum or a product of expressions."""
 
     def __call__(self, *args: Expr) -> Expr: ...
 
@@ -98,7 +98,7 @@ class Kept:
     final: Callable[[Store], bool]
 
     def at(self, store: Store, name: str) -> Component:
-        """The place of a scalar."""
+        """The place at which a kept scalar is stored."""
         return (self.place(store) if self.holds(store, name) else store), name
 
 

@@ -100,7 +100,7 @@ class BlockLines:
     def lines(self, each: str) -> list[str]:
         """All lines of the block; `each` begins the loop over directions."""
         block = self.block
-        # another order gains nothing for blocks over directions
+        # for blocks over directions, another order of the statements gains nothing
         along = any(store.lanes for store, _, _ in block.stores)
         if not along:
             order = by_results(block)

@@ -46,7 +46,7 @@ class Memory:
 
 
 def call_memory(procedures: tuple[Procedure, ...]) -> Memory:
-    """The memory that procedures need."""
+    """The pointers and arrays that procedures need beyond the memory of the sweeps."""
     found = Memory()
     together: dict[Array, set[Array]] = {}
     for p in procedures:

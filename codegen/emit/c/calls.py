@@ -22,11 +22,11 @@ INTERNAL = ("closure", "conditions", "newton_step")
 """Functions whose results may be infinite; their callers check them."""
 
 _WITH_DEFAULT = ("p", "inputs")
-"""Arguments that callers may omit."""
+"""Arguments with default values, which callers may omit."""
 
 
 def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
-    """The C text of the calls."""
+    """The C text of ``NAME_calls.c``."""
     name, scalar = manifest["name"], C.scalar(manifest.get("scalar", FLOAT64.name))
     functions = [_function(name, n, f, sizes) for n, f in manifest["functions"].items()]
     functions.sort(key=lambda f: f["guard"])
@@ -120,7 +120,7 @@ def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[st
 
 
 def _accelerated(functions: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The functions for points, with accelerations."""
+    """The C functions for points of bodies that also return accelerations."""
     of = (
         ("point_accelerations", "points", "frames", "frame_accelerations", 1),
         ("point_acceleration_sensitivities", "point_sensitivities", "frame_sensitivities", "frame_acceleration_sensitivities", 2),

@@ -16,7 +16,7 @@ from ..target import Scalar
 from .libraries import guard
 
 GROUP = 4
-"""Columns in a group."""
+"""Number of columns in a group."""
 
 MASKS = ("own", "below", "path", "still", "fresh")
 """Column groups known for every link: see `mechanics.sweeps.Sweep.groups`."""
@@ -55,13 +55,14 @@ class ColumnsInC:
 
     @property
     def entry(self) -> str:
-        """Row and column j of symmetric matrices, for a macro: j itself if links are in the order of speeds."""
+        """C expression, for a macro, of the index in u that belongs to column j; j itself if links are in the order of
+        speeds."""
         symmetric = [s for s in self.steps if s.symmetric]
         return "(j)" if all(i == j for s in symmetric for j, (_, i) in enumerate(s.units)) else "ENTRY(of, j)"
 
     @property
     def files(self) -> list[str]:
-        """Templates that computations over columns need."""
+        """Names of the template files for computations over columns."""
         wanted = {
             "regular": self.regular, "irregular": not self.regular, "groups": self.found_anew, "take": self.taken,
             "symmetric": self.symmetric, "blocks": self.in_blocks, "weighted": self.weighted_whole,
@@ -89,7 +90,7 @@ class ColumnsInC:
         )
 
     def tables(self) -> list[tuple[str, list[str]]]:
-        """Declarations and lines of tables."""
+        """Tables in C: declarations and lines."""
         found: dict[str, list[str]] = {}
         for step in self.steps:
             name = name_of(step)

@@ -20,7 +20,7 @@ from .libraries import guard, guard_of_width
 
 
 def symbol(procedure: Procedure, width: int | None = None) -> str:
-    """Name in C, without the model's name."""
+    """Name of a function in C, without the name of the model."""
     return f"{procedure.name}_{width}" if width else procedure.name
 
 
@@ -39,12 +39,12 @@ def parameters_in_modes(procedure: Procedure, real: str) -> list[str]:
 
 
 def in_modes(name: str) -> str:
-    """Name of the variant that takes modes."""
+    """Name of the variant of a function that takes modes."""
     return f"{name}_in_modes"
 
 
 def signature(procedure: Procedure, name: str, real: str, modes: bool = False) -> str:
-    """Declaration of a function, without the semicolon."""
+    """Declaration of a C function, without the semicolon."""
     return called_with(f"int {name}(", (parameters_in_modes if modes else parameters)(procedure, real))
 
 
@@ -100,7 +100,7 @@ def batch_members(procedures: Iterable[Procedure], read: str, written: str) -> l
 
 
 class CFunctions:
-    """Lines of procedures and routines in C.
+    """Writes procedures and routines as functions in C.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class CFunctions:
         """Members of a call that functions over directions read, except members set by `lay_out`."""
 
     def routine(self, routine: Routine) -> Function:
-        """A routine as a function."""
+        """The C function of a routine."""
         inner = Lines(self, None, routine.lanes)
         lines = [line for step in routine.steps for line in inner.of(step)]
         status = any(map(stops, routine.steps))
@@ -194,7 +194,7 @@ class Lines:
         return p is not None and a in p.results and a.name in p.written_apart()
 
     def caller(self, a: Array, written: bool) -> str:
-        """A parameter of the function as a pointer."""
+        """The expression of an array of the caller: a parameter, as a pointer."""
         if a.lanes:
             return f"({'' if written else 'const '}LANES *){a.name}"
         is_const = self.procedure is not None and a in self.procedure.arguments
@@ -238,7 +238,7 @@ class Lines:
         return ["call c;", *(called_with("", given, ";").split("\n") if given else [])]
 
     def end(self) -> list[str]:
-        """Return value of a function of the header."""
+        """The ``return`` statement of a function of the header."""
         p = self.procedure
         assert p is not None
         last = p.steps[-1] if p.steps else None
@@ -277,7 +277,7 @@ class Lines:
     # -- steps -----------------------------------------------------------------------------------------------------
 
     def of(self, step: Step) -> list[str]:
-        """Lines of a step."""
+        """Lines of C for one step of a procedure."""
         match step:
             case steps.Run():
                 return [self.call(step.sweep, step.lanes)]
@@ -331,7 +331,7 @@ class Lines:
                 raise TypeError("chosen_steps.for_target must choose one of the two forms before printing")
 
     def number(self, text: str) -> str:
-        """A number as a literal."""
+        """The C literal of a number."""
         return self.functions.scalar.literal(text)
 
     def nothing(self, a: Array) -> str:

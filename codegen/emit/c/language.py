@@ -36,7 +36,7 @@ class CLanguage(Writer):
         self.printer = CPrinter(C, scalar)
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False
-        """Whether some function is divided into parts."""
+        """Whether any function of this file is divided into parts."""
         self.lines_of_units = dict.fromkeys(SHARES, 0)
         """For each unit of a library, the number of lines that it compiles of parts shared among units."""
         self.touched: dict[str, set[str]] = {}
@@ -45,7 +45,7 @@ class CLanguage(Writer):
     # -- numbers ---------------------------------------------------------------------------------------------------
 
     def text(self, value: float) -> str:
-        """A number in a table or a statement."""
+        """The C text of a number in a table or a statement."""
         return repr(value) if isinstance(value, int) else self.scalar.literal(repr(value))
 
     @property

@@ -18,10 +18,10 @@ LIBRARIES = (
 when one of their functions is called."""
 
 FRAMES = "frames"
-"""Functions for motions of bodies."""
+"""Name of the library with functions for motions of bodies."""
 
 FOUR = "four"
-"""Functions for four directions, which integration uses: in ``NAME_four.c``."""
+"""Name of the library with functions for four directions, which integration uses: ``NAME_four.c``."""
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
 """Functions of the first library over one and two directions. Many users never call them, and they would take a third of gcc's
@@ -71,7 +71,7 @@ def few_of(function: str, widths: Collection[int]) -> list[int]:
 
 
 def number_of(library: str) -> int:
-    """Number of a library in C."""
+    """Number of a library, as C code uses it."""
     return LIBRARIES.index(library) + 1
 
 
@@ -81,7 +81,7 @@ def guard(function: str, widths: Sequence[int] = ()) -> str:
 
 
 def guard_of_width(function: str, width: int | None) -> str:
-    """The condition for one width."""
+    """The preprocessor condition under which a function for one width is compiled."""
     return guard(function, (width,) if width else ())
 
 

@@ -12,7 +12,7 @@ from .types import ABOUT, LANE_REGIONS, TYPES, UNUSED_WORK, Type, cast, members,
 
 
 class CMemory(CSweeps):
-    """Lays out the workspace."""
+    """Lays out the workspace of the C functions."""
 
     @cached_property
     def columns(self) -> ColumnsInC:
@@ -46,7 +46,7 @@ class CMemory(CSweeps):
         return [r for r in found if r[2]]
 
     def column_regions(self) -> list[tuple[str, bool, int]]:
-        """Regions for columns of matrices."""
+        """Regions of the workspace for columns of matrices."""
         return self.columns.regions(len(self.layout.fields["columns"]), len(self.plan.links))
 
     def _type(self, region: str, lanes: bool) -> str:

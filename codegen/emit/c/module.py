@@ -28,10 +28,10 @@ _MEMBER = re.compile(r"\ba->(\w+)")
 
 
 class CWriter(CPrepared):
-    """C source of a program."""
+    """Writes the C source of a program."""
 
     def context(self) -> dict[str, Any]:
-        """The data for the templates."""
+        """The variables with which the templates are rendered."""
         model = self.model
         context = self.shared_context()
         found = context["interfaces"]

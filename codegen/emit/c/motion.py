@@ -63,7 +63,7 @@ def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
 
 
 def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable[Procedure], allowed: float) -> str:
-    """The C text of the calls.
+    """The C text of ``NAME_motion.c``.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def scalar_header() -> str:
 
 
 def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, Any]) -> dict[str, list[int]]:
-    """Tables of an ``ordernm_system`` by member."""
+    """Tables in an ``ordernm_system``, by the name of the member."""
     dropped = set(manifest.get("dropped", ()))
     tables = {
         "free_q": [model.coordinate_names.index(n) for n in manifest["independent_names"]],
@@ -133,7 +133,7 @@ def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, A
 def _sizes(
     model: Model, manifest: Mapping[str, Any], tables: Mapping[str, Sequence[int]], functions: Mapping[str, Any], allowed: float
 ) -> dict[str, Any]:  # fmt: skip
-    """Members of an ``ordernm_system`` except its functions."""
+    """Members of an ``ordernm_system`` that are not functions: numbers and tables."""
     free_u = set(tables["free_u"])
     shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in free_u}
     split = any(model.coordinate_names[i].partition(".")[0] in shared for i in tables["free_q"])

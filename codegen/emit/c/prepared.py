@@ -16,7 +16,7 @@ FEW_ANGLES = 16
 
 
 class CPrepared(CMemory):
-    """Writes computations that precede sweeps."""
+    """Writes the computations that precede the sweeps, in C."""
 
     def loop(self, sweep: str) -> Function:
         f = super().loop(sweep)
@@ -63,7 +63,7 @@ class CPrepared(CMemory):
         return [f"a->gravity[{i}] = {v if v.startswith('a->') else in_all(v)};" for i, v in enumerate(found)]
 
     def _gravity(self, value: float | str) -> str:
-        """A number, or a constant of gravity."""
+        """The C expression of a component of gravity: a number, or a constant that depends on parameters."""
         if not isinstance(value, str):
             return self.text(value)
         g = self.plan.ground.constants
@@ -102,7 +102,7 @@ class CPrepared(CMemory):
         return len(self.layout.angles) + len(self.layout.driven_angles) <= FEW_ANGLES
 
     def sines(self) -> list[str]:
-        """Templates that sines and cosines need."""
+        """Names of the template files for sines and cosines."""
         if not self.layout.angles_padded or not self.prepares(procedures.ANGLES):
             return []
         return [

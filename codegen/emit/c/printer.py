@@ -7,7 +7,7 @@ from . import OF_THE_LIBRARY, library_function
 
 
 class CPrinter(Printer):
-    """C source."""
+    """Prints expressions in C."""
 
     def spelled(self, function: str) -> str:
         return library_function(super().spelled(function), self.scalar)

@@ -70,8 +70,8 @@ def horner(coefficients: Sequence[str], scalar: Scalar) -> list[str]:
 
 
 def words(scalar: Scalar) -> dict[str, object]:
-    """The constants of the sine and cosine templates."""
-    of, number = SINES.get(scalar.name, SINES["float64"]), scalar.literal  # other types have no vectors
+    """Constants for the templates of sines and cosines."""
+    of, number = SINES.get(scalar.name, SINES["float64"]), scalar.literal  # unused for other types
     return {
         "quarter_turns": number(of.quarter_turns), "shift": number(of.shift), "parts": [*map(number, of.parts)],
         "limit": number(of.limit), "exact": of.exact, "accuracy": of.accuracy, "sign": of.sign,

@@ -27,7 +27,7 @@ DIRECTIONS = 8
 """Number of directions that a sweep processes at a time, one after the other in each statement."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
-"""Functions of the C library with two arguments."""
+"""Functions of the C library that have two arguments."""
 
 
 def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
@@ -131,7 +131,7 @@ def states_context(
 
 
 def write_states(context: dict[str, Any]) -> str:
-    """The C text of the functions over states."""
+    """The C text of ``NAME_states.c``."""
     return render("c/states.c.jinja", context)
 
 

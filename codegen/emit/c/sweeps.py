@@ -36,7 +36,7 @@ class CSweeps(CLanguage):
             stack(places, real),
             notes(block),
         )
-        shared = "" if lanes else self.shared_by_units(sweep)  # over directions: in one unit only
+        shared = "" if lanes else self.shared_by_units(sweep)  # functions over directions are compiled in one unit only
         culprit, each = self.addresses.culprit(kinds, sweep), self.each(kinds, sweep)
         functions = []
         for i, part in enumerate(parts, 1):
@@ -63,7 +63,7 @@ class CSweeps(CLanguage):
 
     @cached_property
     def all_widths(self) -> dict[str, tuple[int, ...]]:
-        """Widths for which each function is written."""
+        """The widths for which each function over directions is written."""
         return {p.name: widest_first(p) for p in self.asked}
 
     @cached_property

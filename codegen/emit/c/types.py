@@ -17,15 +17,15 @@ TYPES = {
 """Type name of a row of each region of memory."""
 
 ABOUT = {
-    "records": "A link, for one call.", "ears": "An ear of loops, for one call.",
-    "regions": "A region of loops, for one call.", "couplings": "The coupling of two links, for one call.",
+    "records": "Values of a link in one call.", "ears": "Values of an ear of loops in one call.",
+    "regions": "Values of a region of loops in one call.", "couplings": "The coupling of two links in one call.",
     "kept": "Scalars of a link that sweeps run backwards read again.",
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
-    "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
-    "columns": "A link, for every column of a matrix.",
-    "slots": "Values that neighbouring links exchange, for every direction: scratch memory of each sweep.",
+    "lanes": "Values of a link per direction.", "region_lanes": "Values of a region of loops per direction.",
+    "columns": "Values of a link per column of a matrix.",
+    "slots": "Values per direction that neighbouring links exchange: scratch memory of each sweep.",
 }  # fmt: skip
-"""Description of each region, for a comment."""
+"""Description of the memory in each region, for comments of generated code."""
 
 ENERGIES = ("KINETIC", "POTENTIAL")
 """Names of the entries in the array of energies."""
@@ -38,7 +38,7 @@ NUMBER_TYPE = "number"
 """Element type of tables of numbers, which does not change where a double holds several states."""
 
 UNUSED_WORK = ["(void)work;"]
-"""Body of a function that needs no memory."""
+"""Statement that marks the workspace as unused in a function that needs no memory."""
 
 MEMBERS, COMMENTED = 100, 120
 """Longest line of struct members, without and with a comment."""

@@ -91,7 +91,7 @@ def _take(n: int, lanes: int) -> list[str]:
     body = [f"const states {', '.join(f'x{s} = at[{s}]' for s in range(n))};"]
     for c in range(n):
         order = [n * i + c for i in range(lanes)]
-        if lanes % n == 0:  # n is two
+        if lanes % n == 0:  # here n is 2
             body += [f"to[{c}*apart] = {_chosen('x0', 'x1', order)};"]
             continue
         # Each of these entries is in another lane: blend the vectors first, then order the lanes.

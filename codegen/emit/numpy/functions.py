@@ -14,10 +14,10 @@ from ...records import dataclass
 from ..function import Function
 
 AXES = {"nq": "NQ", "nu": "NU"}
-"""Constants with a name in the module."""
+"""Axes of arrays whose lengths are named constants of the module."""
 
 WIDEST = 110
-"""Longest line of results."""
+"""Largest number of characters in a line of results."""
 
 
 def made(procedures: tuple[Procedure, ...]) -> list[Array]:
@@ -38,7 +38,7 @@ class PublicFunction(Function):
 
 
 class NumpyFunctions:
-    """Lines of procedures and routines in NumPy.
+    """Writes procedures and routines as functions in NumPy.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class NumpyFunctions:
         return Function(routine.doc, f"def {routine.name}(a):", [line for s in routine.steps for line in inner.of(s)])
 
     def function(self, procedure: Procedure) -> PublicFunction:
-        """A function of the module."""
+        """A function of the NumPy module."""
         p = procedure
         given = (*p.arguments, *p.seeds)
         names = ", ".join(a.name for a in given)
@@ -79,7 +79,7 @@ def described(a: Array) -> str:
 
 
 def count(a: Array) -> str:
-    """Number of entries."""
+    """Number of entries of an array."""
     return AXES.get(a.shape[0], str(a.size)) if len(a.shape) == 1 else str(a.size)
 
 
@@ -94,7 +94,7 @@ class _Lines:
         self.result_of: dict[str, str] = {}
 
     def of(self, step: Step) -> list[str]:
-        """Lines of a step."""
+        """Lines of Python for one step of a procedure."""
         if isinstance(step, (steps.Run, steps.Formulas, steps.Perform, steps.Single, steps.Columns)):
             self.zero.clear() if over_directions(step) else self.zero.intersection_update(self._of_lanes())
         match step:
@@ -149,7 +149,7 @@ class _Lines:
         return {r.name for r in self.procedure.results if r.lanes} if self.procedure else set()
 
     def fresh(self, a: Array) -> list[str]:
-        """A list of zeros."""
+        """Statement that fills an array with zeros."""
         self.zero.add(a.name)
         return [f"a.{a.name} = [0.0] * {count(a)}"]
 
@@ -186,7 +186,7 @@ class _Lines:
         lines.append(f"for columns, m, unit in unit_columns(a, {count(unit)}{', a.k' if along else ''}{among}):")
         inner = [f"a.{unit.name} = unit", *(line for s in step.steps for line in self.of(s))]
         for t in step.takes:
-            # columns before directions before states
+            # order of axes: columns, directions, states
             matrix, shape = f"a.{t.into.name}", "(m, *a.k, *a.batch)" if t.into.lanes else "(m, *a.batch)"
             if along and not t.into.lanes:
                 matrix, shape = f"a.{t.into.name}[None]", "(m, 1, *a.batch)"

@@ -32,7 +32,7 @@ from .printer import NumpyPrinter
 
 
 class NumpyWriter(Writer):
-    """NumPy source of a program."""
+    """Writes the NumPy module of a program."""
 
     numbered = False
 
@@ -142,7 +142,7 @@ class NumpyWriter(Writer):
     # -- the file --------------------------------------------------------------------------------------------------
 
     def _gravity(self, value: float | str) -> str:
-        """A number, or a constant of gravity."""
+        """The expression of a component of gravity: a number, or a constant that depends on parameters."""
         if not isinstance(value, str):
             return text_of(value)
         assert self.plan.ground.constants is not None
@@ -195,7 +195,7 @@ class NumpyWriter(Writer):
             return []
         free = f"a.q[{f':{len(angles)}' if angles == list(range(len(angles))) else 'angle_of'}]"
         added = any(self.layout.added_angles)
-        if not driven:  # one array
+        if not driven:  # without prescribed angles, all angles are in one array
             return [
                 f"angles = ({free}.T + added_angle).T" if added else f"angles = {free}",
                 "a.cos, a.sin = np.cos(angles), np.sin(angles)",
@@ -259,7 +259,7 @@ class NumpyWriter(Writer):
         return found
 
     def context(self) -> dict[str, Any]:
-        """The data for the templates."""
+        """The variables with which the template is rendered."""
         context = self.shared_context()
         lines = NumpyFunctions(self.prepared, self.pivots)
         model = self.model
@@ -314,7 +314,7 @@ def listed(names: list[str]) -> list[str]:
 
 
 def _key(component: str) -> str:
-    """The dict entry of a component."""
+    """The subscript that selects a component in a dict, as text."""
     return f'["{identifier(component)}"]'
 
 

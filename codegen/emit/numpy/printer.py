@@ -6,7 +6,7 @@ from ..printer import Printer
 
 
 class NumpyPrinter(Printer):
-    """NumPy source."""
+    """Prints expressions in NumPy."""
 
     def sign(self, x: str) -> str:
         return f"{self.spelled('Sign')}({x})"

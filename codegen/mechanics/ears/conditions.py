@@ -18,7 +18,7 @@ from .surfaces import SurfaceCondition
 
 @dataclass(slots=True)
 class Condition:
-    """A condition of a loop.
+    """A closing condition of a loop.
 
     Attributes
     ----------

@@ -200,7 +200,7 @@ class EarGeometry:
         return found
 
     def still(self) -> list[Twist]:
-        """Zero twists of the roots."""
+        """Zero twists, for roots that are at rest."""
         return [Twist.zero() for _ in self.roots]
 
     # -- motion at the cuts ----------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def link_constants(x: Scope, ear: EarGeometry, k: int) -> tuple[Value, Vector, M
 
 
 def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
-    """``W J W^T``."""
+    """An inertia rotated by W: ``W J W^T``."""
     axis = None if x.structural else _axis_of_symmetry(J)
     if axis is not None:
         # J = a (U - e e^T) + c e e^T, with the first bracket as sums of squares, so that nothing cancels in its entries

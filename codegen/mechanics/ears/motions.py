@@ -25,12 +25,12 @@ class Twist:
 
     @staticmethod
     def load(x: Scope, store: Store, field: SixField) -> Twist:
-        """The twist in a field of six components."""
+        """The twist that a field of six components contains."""
         return Twist.of(x.load(store, field))
 
     @staticmethod
     def of(six: Sequence[Value]) -> Twist:
-        """The twist with these six components."""
+        """The twist with the six given components."""
         return Twist(list(six[:3]), list(six[3:]))
 
     @staticmethod
@@ -49,7 +49,7 @@ class Twist:
         return all(is_zero(v) for v in self.six)
 
     def at(self, lever: Vector) -> Vector:
-        """Linear part at a point of the link."""
+        """Linear part of the twist at a point of the link."""
         return add(self.linear, cross(self.angular, lever))
 
     def plus(self, other: Twist) -> Twist:
@@ -76,7 +76,7 @@ class Motion:
 
     @staticmethod
     def load(x: Scope, store: Store, fields: MotionFields) -> Motion:
-        """The motion in these four fields."""
+        """The motion that four fields contain."""
         w, al, a = (x.load(store, field) for field in (fields.w, fields.al, fields.a))
         return Motion(w, al, a, x.load(store, fields.B))
 
@@ -86,7 +86,7 @@ class Motion:
         return Motion(list(ZERO), list(ZERO), a, [list(ZERO) for _ in range(3)])
 
     def store(self, x: Scope, store: Store, fields: MotionFields) -> None:
-        """Store the motion in these four fields."""
+        """Store the motion in four fields."""
         for field, v in ((fields.w, self.w), (fields.al, self.al), (fields.a, self.a)):
             x.store(store, field, v)
         x.store(store, fields.B, self.B)

@@ -29,7 +29,7 @@ class RankLossError(ValueError):
 
 @dataclass(slots=True)
 class Factor:
-    """``E = Q R``.
+    """The factors of a closure matrix, ``E = Q R``.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ def inward(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
 
 
 def store_reaction(x: Scope, store: Store, attitude: Matrix, force: Vector) -> None:
-    """Moment, then force, in the ground frame."""
+    """Store a reaction, moment then force, along the axes of the ground frame."""
     for i, value in enumerate(turned(attitude, force)):
         x.set_entry(store, i, x.let("reaction", value, "Eq. 45"))
 

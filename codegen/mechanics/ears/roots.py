@@ -49,7 +49,7 @@ class Root(ABC):
     @property
     @abstractmethod
     def record(self) -> Store:
-        """The record of the root."""
+        """The store that is the record of the root."""
 
     @property
     def needs_force(self) -> bool:
@@ -58,7 +58,7 @@ class Root(ABC):
 
     @abstractmethod
     def attitude(self) -> Matrix:
-        """Rotation matrix: region components from the root's own."""
+        """Rotation matrix of the root: region components from the root's own."""
 
     @abstractmethod
     def position(self) -> Vector:
@@ -75,11 +75,11 @@ class Root(ABC):
     # -- relative to the base; by default a root is at rest ----------------------------------------------------------
 
     def twist(self, source: int) -> Twist:
-        """Motion per unit of a source."""
+        """Twist of the root per unit of a source."""
         return Twist.zero()
 
     def measured_velocity(self) -> Twist:
-        """Velocity for residuals, at the given speeds."""
+        """Velocity of the root that residuals measure, at the given speeds."""
         return Twist.zero()
 
     def velocity_tangent(self, kept: bool) -> Vector:
@@ -264,7 +264,7 @@ class FarLink(Root):
 
     @property
     def number(self) -> int:
-        """Index among the far links of the region."""
+        """Index of this root among the far links of the region."""
         return self.kind.far[self.place]
 
     @property

@@ -83,7 +83,7 @@ class SurfaceCondition:
 
     @cached_property
     def gradient(self) -> Vector:
-        """The gradient along region axes."""
+        """Gradient of the function along region axes."""
         if self.is_distance:
             return self.place
         own = [self.formula(e, "g") for e in self.form.gradient]

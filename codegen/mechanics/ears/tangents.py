@@ -68,7 +68,7 @@ class EarTangents:
         """Differentiate the scalar statements written since the last call."""
 
     def of(self, value: Value, name: str = "d") -> Value:
-        """Tangent of a value."""
+        """The tangent of a value of the block."""
         return pattern(value)
 
     def vector(self, v: Sequence[Value], name: str = "d") -> Vector:
@@ -82,7 +82,7 @@ class EarTangents:
         """
 
     def give(self, v: Vector, tangents: Vector) -> None:
-        """Set the tangents of named values."""
+        """Set given tangents of named values."""
 
     def turn_joints(self) -> None:
         """Treat rotations from link to link as functions of the joints' sines, cosines and matrices."""

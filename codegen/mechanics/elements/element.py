@@ -54,7 +54,7 @@ class Law(ABC):
         """The wrench on each body, in the order of the attachment points."""
 
     def energy(self, e: Element) -> Value:
-        """Potential energy, J, if the type has one."""
+        """Potential energy of the element, J, if its type has one."""
         raise TypeError(f"{type(self).__name__} has no energy")
 
 
@@ -93,14 +93,14 @@ class End:
 
     @cached_property
     def position(self) -> Vector:
-        """Position of the point, m."""
+        """Position of the point along the ground's axes, m."""
         e, arm = self._e, self.arm
         moved = matvec(self.attitude, arm)
         return [e.let("point", v) for v in add(e.x.load(self.link, fields.position), moved)]
 
     @cached_property
     def velocity(self) -> Vector:
-        """Velocity of the point, m/s."""
+        """Velocity of the point along the ground's axes, m/s."""
         e = self._e
         v, w = (e.x.load(self.link, half) for half in (fields.applied_twist.linear, fields.applied_twist.angular))
         own = [e.let("own", c) for c in add(v, cross(w, self.arm))]
@@ -150,7 +150,7 @@ class Element:
         self.ends = [End(self, i) for i in range(len(kind.ends))]
 
     def let(self, name: str, value: Value) -> Value:
-        """A named intermediate value."""
+        """Name an intermediate value."""
         return self.x.let(name, value, self._tag)
 
     def vector(self, name: str, v: Sequence[Value]) -> Vector:
@@ -169,7 +169,7 @@ class Element:
         }
 
     def coefficients(self, key: str) -> Vector:
-        """The coefficients of a list with this key."""
+        """The coefficients in a list of the model file, by the key of the list."""
         return self._coefficients_of({name for name in self.kind.first.keys if name.startswith(f"{key}[")}, key)
 
     def _coefficients_of(self, keys: Collection[str], key: str) -> list[Value]:

@@ -85,7 +85,7 @@ def _check(x: Scope, kind: ElementKind, what: str) -> None:
 
 
 def _tangents(x: Scope, kind: ElementKind, e: Element) -> Tangents | None:
-    """Tangents of all statements so far."""
+    """Tangents of all statements written so far."""
     if not isinstance(x, Expansion):
         return None
     seeds: dict[Symbol, Value] = {}

@@ -40,19 +40,19 @@ class Axial(LinkJoint):
     # -- overridden by the joints ------------------------------------------------------------------------------------
 
     def turn_speed(self) -> Value:
-        """Angular velocity about the axis."""
+        """Angular velocity of the joint about its axis."""
         return 0 if self.angle is None else self.own_speed()
 
     def shift(self) -> Value:
-        """Displacement along the axis."""
+        """Displacement of the joint along its axis."""
         return 0
 
     def slide_speed(self) -> Value:
-        """Velocity along the axis."""
+        """Velocity of the joint along its axis."""
         return 0
 
     def shift_tangent(self) -> Value:
-        """Displacement along the axis due to dq."""
+        """Displacement of the joint along its axis due to dq."""
         return 0
 
     def shift_by(self, parameter: int) -> Value:
@@ -81,7 +81,7 @@ class Axial(LinkJoint):
 
     @cached_property
     def trig(self) -> tuple[Value, Value]:
-        """Cosine and sine of the angle."""
+        """Cosine and sine of the joint angle."""
         return self.x.load(TRIG, fields.cosine), self.x.load(TRIG, fields.sine)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Generalised inertias, rotated and shifted."""
+"""Rotation and shift of generalised inertias."""
 
 from __future__ import annotations
 

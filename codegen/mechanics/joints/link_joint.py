@@ -87,7 +87,7 @@ class LinkJoint(ABC):
 
     @classmethod
     def speeds(cls) -> int:
-        """The number of speeds, including a prescribed one."""
+        """The number of speeds of the joint, including a prescribed one."""
         return cls.freedoms + cls.driven
 
     def __init__(self, x: Scope, kind: Jointed, lanes: bool = False):
@@ -222,7 +222,7 @@ class LinkJoint(ABC):
         return self.bias(change)
 
     def rates(self) -> Vector:
-        """Time derivatives of the coordinates. Eq. 1."""
+        """Time derivatives of the joint's coordinates. Eq. 1."""
         return [self.x.entry(SPEEDS, i) for i in range(self.freedoms)]
 
     def speed(self, j: int) -> Value:

@@ -29,4 +29,4 @@ MEASURES: Final[dict[str, Measure]] = {
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),
 }
-"""Measures by the names in `codegen.model.outputs.MEASURES`."""
+"""Measures of outputs, by their names in `codegen.model.outputs.MEASURES`."""

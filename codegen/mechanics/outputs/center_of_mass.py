@@ -44,7 +44,7 @@ def center_of_system(records: Records) -> Vector:
 
 
 def center_of_mass(records: Records, output: Output) -> Value:
-    """``n . sum m x / sum m``"""
+    """Component of the centre of mass along the output's axis: ``n . sum m x / sum m``."""
     n = records.direction(output.axis)
     c = center(records, output.bodies, 0, [0, 0, 0]) if output.bodies else center_of_system(records)
     return dot(n, c)

@@ -1,4 +1,4 @@
-"""Kinetic and potential energy."""
+"""Outputs of kinetic and potential energy."""
 
 from __future__ import annotations
 

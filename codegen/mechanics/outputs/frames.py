@@ -22,7 +22,7 @@ from .outputs import RecordFormulas
 from .records import Records, carrier, expressions_of, structure_of
 
 FRAMES, ACCELERATIONS, PLACES = "frames", "frame_accelerations", "point_places"
-"""Arrays of results."""
+"""Arrays of results: frames of bodies, their accelerations, and places of points."""
 
 SIZES = {FRAMES: 18, ACCELERATIONS: 6}
 """Entries for each body: rotation matrix by rows, position, angular velocity, velocity; then angular acceleration and
@@ -57,7 +57,7 @@ class Body:
         return [[self.records.x.let("x", e) for e in matvec(back, v)] for v in vectors]
 
     def motion(self) -> list[Value]:
-        """Entries of `FRAMES`."""
+        """The entries of a body in the array `FRAMES`."""
         x, body = self.records.x, self.body
         link, _, _ = self.records.carried(body)
         columns = transpose(self.records.attitude(body))
@@ -72,7 +72,7 @@ class Body:
         return [*found, *self.in_ground(w), *self.in_ground(moved)]
 
     def acceleration(self) -> list[Value]:
-        """Entries of `ACCELERATIONS`."""
+        """The entries of a body in the array `ACCELERATIONS`."""
         x, body = self.records.x, self.body
         link, _, _ = self.records.carried(body)
         if link == GROUND:

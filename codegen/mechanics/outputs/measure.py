@@ -46,7 +46,7 @@ class FormulaMeasure:
 
 @dataclass(frozen=True, slots=True)
 class EnergyMeasure:
-    """An entry of the array of energies.
+    """A measure that is an entry of the array of energies.
 
     Attributes
     ----------

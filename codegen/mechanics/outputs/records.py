@@ -188,7 +188,7 @@ class Records:
 
 
 def grounded(system: System) -> tuple[int, ...]:
-    """Bodies fixed to the ground."""
+    """Indices of the bodies that are fixed to the ground."""
     return tuple(k for k, (link, _) in enumerate(system.carriers) if link == GROUND)
 
 

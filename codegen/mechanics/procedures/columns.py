@@ -102,7 +102,7 @@ def inverse_mass(w: Shared) -> AllColumns:
 
 
 def mass(w: Shared) -> AllColumns:
-    """The mass matrix, from composite inertias."""
+    """Steps that compute the mass matrix from composite inertias."""
     sweeps = ("column_clear", "composite_seed", "composite_in")
     return _columns(w, {w.one("b").tangent("b"): ("u", w.one("M"))}, sweeps, w.one("dforce"))
 

@@ -96,7 +96,7 @@ def _steps(
 
 
 def driving_forces(w: Shared) -> list[Procedure]:
-    """Forces that prescribed motion requires."""
+    """Procedures for the generalised forces that prescribed motion requires."""
     driving, ddriving, found, dfound = w.of("driving", "ddriving", "actuation", "dactuation")
     return w.pair(
         ("driving_forces", "driving_force_sensitivities"),

@@ -113,7 +113,7 @@ class Shared:
         self.ground_tangent = _performed("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
 
     def _apply(self) -> None:
-        """Forces of force elements."""
+        """Steps that apply the forces of force elements."""
         coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
         known = (POSE, VELOCITY)
         applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))

@@ -86,7 +86,7 @@ def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Pr
                 back.append(Combine(step.of, (step.of, step.to)))
             case CopyEntry():
                 back.append(AddEntry(step.of, step.entry, step.to, step.index))
-            case Own() | Zero() | Hold() | Check():  # adjoints are zero at the beginning
+            case Own() | Zero() | Hold() | Check():  # adjoints are zero when the transposed steps begin
                 pass
             case _:
                 raise TypeError(f"{along.name}: the step {type(step).__name__} has no transpose")

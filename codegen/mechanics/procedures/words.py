@@ -34,7 +34,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "modes": ("nswitches",), "switches": ("nswitches",),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
-"""Axes of arguments and results."""
+"""Axes of arguments and results, by the name of the array."""
 
 
 def arrays(system: System) -> dict[str, Array]:

@@ -87,7 +87,7 @@ class PlacedElement:
 
     @property
     def acted_on(self) -> list[int]:
-        """The link of each attachment point."""
+        """The link on which each attachment point lies."""
         return [self.links[j] for j in self.ends[: len(self.element.ends)]]
 
     def expressions(self) -> list[Expression]:

@@ -43,4 +43,4 @@ class FactorForm:
 
 
 NO_FORM = FactorForm([], [])
-"""The empty form, before the factorisation."""
+"""The empty form of a matrix that has not been factored yet."""

@@ -53,7 +53,7 @@ class Closure:
 
 @dataclass(slots=True, eq=False)
 class EarLinks:
-    """An ear as links.
+    """An ear in terms of links.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Region:
 
     @property
     def carried(self) -> bool:
-        """The base is a link."""
+        """Whether a link carries the region: its base is not the ground."""
         return self.base != GROUND
 
 

@@ -127,7 +127,7 @@ class Link:
         return [*found, *self.factors, *self.armature]
 
     def geared(self) -> tuple[bool, ...]:
-        """The speeds that have a rotor."""
+        """Whether each speed has a rotor."""
         return tuple(e.tree != ("number", 0) for e in self.armature)
 
     @property
@@ -472,7 +472,7 @@ def _of_numbers(function: Callable[[float], float], long_function: Callable[[flo
 
 
 NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, name)) for name in ("sqrt", "cos", "sin")}
-"""Functions for constants that are numbers."""
+"""Functions that compute constants from numbers."""
 
 
 def keep(name: str, value: Value) -> Value:

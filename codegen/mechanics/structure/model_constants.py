@@ -60,7 +60,7 @@ class ModelConstants:
         return found
 
     def of_gravity(self, g: Sequence[Expression]) -> Constants:
-        """The constants of minus gravity."""
+        """The constants of -g, minus the acceleration of gravity."""
 
         def written(evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
             return {f"a.{i}": let("a", -evaluate(e)) for i, e in zip(XYZ, g, strict=True)}

@@ -122,7 +122,7 @@ class Neighbours:
         return slides, tuple(i == GROUND for i in region.far), self.locked(region)
 
     def locked(self, region: Region) -> tuple[int, ...]:
-        """The prescribed sources of a region."""
+        """Indices of the prescribed sources of a region."""
         return tuple(c for c, (i, _) in enumerate(region.freedoms) if self.links[i].joint.driven)
 
     def roles(self, e: int) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ Freedom = tuple[int, int]
 
 @dataclass(slots=True)
 class Bundle:
-    """Loops that are closed together.
+    """Loops that are closed together, as an ear.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ def is_one_region(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[
 
 
 def work_apart(freedoms: Freedoms, bundles: Sequence[Bundle]) -> float:
-    """Multiplications with a region for every bundle."""
+    """Estimated multiplications if every bundle is a region."""
     work = 0.0
     for bundle in bundles:
         region = freedoms.alone(bundle)
@@ -118,7 +118,7 @@ def work_apart(freedoms: Freedoms, bundles: Sequence[Bundle]) -> float:
 
 
 def work_together(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[Freedom]) -> float:
-    """Multiplications with one region for all bundles."""
+    """Estimated multiplications if all bundles are one region."""
     sources = sources_of_links(freedoms, bundles)
     work = elimination(len(free), len(free)) + sum(map(work_of_link, (sources[i] for i in loopless(bundles))))
     return work + sum(work_of_ear(freedoms, b, {i: sources[i] for i in b.members}) for b in bundles)

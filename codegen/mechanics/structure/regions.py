@@ -41,7 +41,7 @@ class Regions:
 
     @property
     def order(self) -> list[Unit]:
-        """Units in outward order."""
+        """The units in outward order."""
         return self.elimination.order
 
 
@@ -95,7 +95,7 @@ Coupled = dict[int, list[tuple[int, int]]]
 
 
 def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
-    """Coordinates related by couplings, including prescribed ones."""
+    """For each coupling: link and degree of freedom of its coordinates, including prescribed ones."""
     speeds = model.released.coordinate_slices
     place = {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.speeds())}
     return {
@@ -230,7 +230,7 @@ class _Maker:
             self.add(b.members, b.loops, {f: c for c, f in enumerate(region.freedoms)}, b.length)
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
-        """Add an ear to the last region."""
+        """Add an ear to the region made last."""
         links = self.freedoms.links
         ear = EarLinks(len(self.regions) - 1, members, length=length)
         place = {i: k for k, i in enumerate(members)}

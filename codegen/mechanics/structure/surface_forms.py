@@ -40,7 +40,7 @@ def part_number(name: str) -> int:
 
 
 def forms_of(functions: Sequence[SurfaceFunction]) -> tuple[tuple[SurfaceForm, ...], tuple[Expression, ...]]:
-    """The forms of some equations, and their parts."""
+    """The forms of some equations, and the parts that they contain."""
     parts: list[Tree] = []
 
     def part(constant: Tree) -> Tree:

@@ -28,7 +28,7 @@ from .links import ORIGIN, Placement, place
 Rotation = tuple[tuple[Vector, Expression], ...]
 
 DIGITS = 50
-"""Decimal digits with which vectors are rotated."""
+"""Number of decimal digits with which vectors are rotated."""
 
 ROUNDED = 8 * 2.0**-52
 """Bound on rounding errors of a vector's components, relative to its length."""
@@ -153,7 +153,7 @@ class Turn:
         return rotation[n:] if rotation[:n] == self.rotation else (*self.back, *rotation)
 
     def vector(self, v: Vector) -> Vector:
-        """Components along the new axes."""
+        """Components of a vector along the new axes."""
         found: list[Tree] = [("number", 0)] * 3
         with mpmath.workdps(DIGITS):
             for base, coefficients in linear(v).items():

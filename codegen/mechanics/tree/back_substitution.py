@@ -27,7 +27,7 @@ def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
 
 
 def back_substitute(x: Scope, kind: LinkKind) -> None:
-    """Outward block of the forward dynamics."""
+    """Outward block of the forward dynamics: accelerations of the joint and of the link."""
     joint = kind.joint(x, kind)
     A = carry(joint, x.load(UP, fields.explicit_acceleration), "Eq. 54")
     joint_accelerations(x, kind, A, ME, UDOT, lanes=False)

@@ -43,7 +43,7 @@ def pattern(value: Value) -> Value:
 
 
 Part = tuple[AnyField, Vector | Matrix]
-"""A vector or a matrix, and its field."""
+"""A named value and its field: a vector or a matrix."""
 
 
 def _scalars(parts: Sequence[Part]) -> Iterator[tuple[ScalarField, Value]]:

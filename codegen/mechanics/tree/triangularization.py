@@ -131,7 +131,7 @@ def _pivot_entry(x: Scope, kind: LinkKind, joint: LinkJoint) -> int:
 
 
 def triangularize(x: Scope, kind: LinkKind) -> None:
-    """Inward block of the forward dynamics."""
+    """Inward block of the forward dynamics: eliminates the joint of a link."""
     joint = kind.joint(x, kind)
     system = link_system(x, kind)
     I, p = system.Q, system.p

@@ -103,7 +103,7 @@ def turning(x: Scope, kind: LinkKind) -> None:
 def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
     """The force that a joint transmits with all accelerations known."""
     if not kind.has_parent:
-        return  # forces on the ground are not needed
+        return  # forces on the ground are not computed
     own, children = x.load(ME, fields.total_needed), x.load(ME, fields.transmitted)
     phi = [x.let("phi", a + b, "Eq. 45") for a, b in zip(own, children, strict=True)]
     # in equilibrium a joint transmits its own force along its degrees of freedom, minus that of its rotor
