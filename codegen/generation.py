@@ -115,7 +115,7 @@ def generate(
     >>> report.nq, report.nu, report.parameters
     (2, 2, 6)
     """
-    # long: the parameters are described in full
+    # long: the docstring describes every argument
     from .emit.c import C
 
     scalars = [s.name for s in C.scalars]

@@ -12,7 +12,7 @@ from ..runtime.standalone.arrays import Array
 from .evaluated_points import Point
 
 At = Callable[[ArrayLike], Point]
-"""Returns the evaluated point at an x."""
+"""A function that returns the evaluated point at an x."""
 
 
 def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -34,7 +34,7 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
 
 
 def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
-    """low <= selected functionals <= high, a `scipy.optimize.NonlinearConstraint`."""
+    """The constraint low <= functionals <= high, as a `scipy.optimize.NonlinearConstraint`."""
     from scipy.optimize import NonlinearConstraint
 
     return NonlinearConstraint(

@@ -25,7 +25,7 @@ NO_PROGRESS, FEW_MOTIONS = 0.99, 20
 motions."""
 
 STRONG = 0.95
-"""Correlations above this value are listed."""
+"""Correlation above which a pair of variables is listed."""
 
 
 @dataclass(slots=True, eq=False)
@@ -143,7 +143,7 @@ class Fit:
         >>> type(ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1")).__name__
         'Fit'
         """
-        # long: its arguments, each with its meaning
+        # long: the docstring describes every argument
         n = len(x)
         low, high = space.x_bounds
         bounds = {i: side for i in range(n) if (side := at_bound(float(x[i]), float(low[i]), float(high[i])))}
@@ -278,7 +278,7 @@ class Fit:
         >>> found.lines()[0].partition(",")[0]
         '1 variables from 11 samples'
         """
-        # long: a line for each part of the summary
+        # long: each part of the summary has its own line of code
         n, m = len(self.names), self.freedom + len(self.singular_values)
         m -= sum(1 for _ in self.undetermined)
         failed = f", {len(self.failures)} of them failed" if self.failures else ""

@@ -125,7 +125,7 @@ def fit(
     >>> round(found["length_1"], 6)
     1.1
     """
-    # long: all parameters are described
+    # long: the docstring describes every argument
     from scipy.optimize import least_squares
 
     if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:

@@ -163,7 +163,7 @@ def simulate_many(
     >>> len(motions), motions["tip_x"].shape
     (3, (3, 11))
     """
-    # long: its arguments, each with its meaning
+    # long: the docstring describes every argument
     _check(options, threads, progress)
     several = _rows(solver, q, u, p, inputs)
     n = len(several)
@@ -228,7 +228,7 @@ def _in_threads(
 
 
 def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[dict[str, Any]]:
-    """Arguments of each motion."""
+    """The arguments of each motion of a batch."""
     counts: dict[str, int] = {}
     given: dict[str, Any] = {}
     for name, value, of in (("q", q, solver.nq), ("u", u, solver.nu), ("p", p, solver.np)):

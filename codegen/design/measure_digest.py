@@ -20,12 +20,12 @@ import numpy as np
 MUTATORS = frozenset(
     "append extend insert add update setdefault pop popitem clear remove discard sort reverse appendleft popleft put".split()
 )
-"""Methods that change their object."""
+"""Names of methods that change their object."""
 
 STORES = frozenset({"STORE_SUBSCR", "DELETE_SUBSCR", "STORE_ATTR", "DELETE_ATTR"})
 INSTALLED = ("site-packages", "dist-packages")
 DEPTH = 20
-"""Depth to which containers and objects are followed."""
+"""Depth to which the contents of containers and objects are followed."""
 
 
 def measure_digest(measure: Callable[..., Any]) -> str:
@@ -51,7 +51,7 @@ def measure_digest(measure: Callable[..., Any]) -> str:
 
 
 def _described(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Iterator[str]:
-    """Words that identify a value."""
+    """Words for the digest that identify a value."""
     if x is None or isinstance(x, (bool, int, float, complex, str, bytes, np.generic, Path)):
         yield f"{type(x).__name__} {x!r}"
         return
@@ -84,7 +84,7 @@ def _described(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Ite
 
 
 def _of_object(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Iterator[str]:
-    """Words that identify functions, classes and objects."""
+    """Words for the digest that identify functions, classes and objects."""
     parts: list[Any] = []
     if isinstance(x, functools.partial):
         parts = ["partial", x.func, x.args, x.keywords]
@@ -99,9 +99,9 @@ def _of_object(x: Any, seen: dict[int, int], kept: list[Any], depth: int) -> Ite
     elif isinstance(x, type) and _is_own(x.__module__):
         own = {name: value for name, value in vars(x).items() if not name.startswith("__") or callable(value)}
         parts = ["class", x.__qualname__, x.__bases__, own]
-    elif hasattr(x, "folder") and hasattr(x, "_manifest"):  # a solver
+    elif hasattr(x, "folder") and hasattr(x, "_manifest"):  # x is a solver
         parts = ["solver", package_digest(x.folder)]
-    elif isinstance(digest := getattr(x, "digest", None), str) and digest:  # a model
+    elif isinstance(digest := getattr(x, "digest", None), str) and digest:  # x is a model
         parts = [type(x).__qualname__, digest]
     elif isinstance(x, (type, types.FunctionType, types.BuiltinFunctionType, types.ModuleType)):
         parts = ["installed", getattr(x, "__module__", ""), getattr(x, "__qualname__", getattr(x, "__name__", ""))]

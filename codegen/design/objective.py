@@ -1,5 +1,5 @@
 """Functionals of a motion as a function with exact gradient, for SciPy's optimisers."""
-# long: a docstring with an example for each of seventeen functions
+# long: each of seventeen functions has a docstring with an example
 
 from __future__ import annotations
 
@@ -495,7 +495,7 @@ def objective(
     >>> round(f(f.x0), 4), f.gradient(f.x0).round(4)
     (1.4231, array([ 0.1759, -0.1024]))
     """
-    # long: its arguments, each with its meaning
+    # long: the docstring describes every argument
     if integrator == "rk4" and "step" not in options:
         raise ValueError("integrator 'rk4' takes constant steps: give step, s")
     settings = {"method": method, "integrator": integrator, "rtol": rtol, "atol": atol, **options}

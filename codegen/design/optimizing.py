@@ -72,7 +72,7 @@ def optimize(
     >>> found.success, round(found.outcome["length_1"], 3)
     (True, 1.5)
     """
-    # long: its arguments, each with its meaning
+    # long: the docstring describes every argument
     from scipy.optimize import minimize
 
     if not isinstance(objective, (Objective, LoadCases)):
@@ -103,7 +103,7 @@ def optimize(
 
 
 def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) -> Array:
-    """Start of a search, within the bounds."""
+    """The start of a search, moved inside the bounds."""
     v = objective.variables
     start = v.x0 if x0 is None else np.asarray(x0, float)
     values, (lower, upper) = v.values(start), v.x_bounds
@@ -111,7 +111,7 @@ def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) 
         raise ValueError(
             f"optimize: x0 has {v.names[i]} = {values[i]:g}, outside of its bounds {v.lower[i]:g} and {v.upper[i]:g}"
         )
-    inside = INSIDE if method == "trust-constr" else 0.0  # trust-constr must not start at a bound
+    inside = INSIDE if method == "trust-constr" else 0.0  # the start of trust-constr must not be at a bound
     return np.clip(start, lower + inside, upper - inside)
 
 

@@ -99,7 +99,7 @@ def at_bound(x: float, lower: float, upper: float) -> str:
 
 
 def in_words(f: Functional) -> str:
-    """A functional in words."""
+    """A functional described in words."""
     match f:
         case Final():
             return f"{f.output} at the end"

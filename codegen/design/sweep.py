@@ -40,7 +40,8 @@ LOST = ("KilledWorker",)
 """Errors of Dask for a lost worker, after which Dask continues."""
 
 IN_VAIN = 3
-"""Number of executors in a row that end on a single case without a result, after which cases are no longer blamed."""
+"""Number of executors in a row that end on a single case without a result, after which the case is no longer recorded
+as the cause."""
 
 SAME_ERROR = 8
 """A sweep is given up after this number of cases that all fail by errors in the measure."""
@@ -107,7 +108,7 @@ def sweep(
     >>> found["reach"].round(3)
     array([1.331, 1.423, 1.471])
     """
-    # long: parameters and results are described
+    # long: the docstring describes every argument and result
     if not callable(measure):
         raise TypeError(f"measure is {type(measure).__name__}, expected a function of the solver and a case")
     if chunk is not None and (not isinstance(chunk, int) or chunk < 1):

@@ -13,7 +13,7 @@ Case = dict[str, Any]
 
 
 def listed(cases: Any) -> list[Case]:
-    """A list of cases.
+    """Convert given cases to a list of cases.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def listed(cases: Any) -> list[Case]:
     TypeError, ValueError
         If cases have another type or different names, or columns have different lengths.
     """
-    if hasattr(cases, "to_dict") and hasattr(cases, "columns"):  # of pandas or polars
+    if hasattr(cases, "to_dict") and hasattr(cases, "columns"):  # a table of pandas or polars
         cases = {str(name): np.asarray(cases[name]) for name in cases.columns}
     if isinstance(cases, Mapping):
         cases = _rows(cases)

@@ -79,7 +79,7 @@ class Journal:
         self._file.flush()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of the journal."""
         self._file.close()
 
     def _lock(self) -> None:
@@ -100,7 +100,7 @@ class Journal:
         whole, _, cut = self._file.read().rpartition(b"\n")
         first = json.dumps(header).encode()
         if not whole:
-            if cut and not (first.startswith(cut) and cut.startswith(BEGIN)):  # the first line may be incomplete, too
+            if cut and not (first.startswith(cut) and cut.startswith(BEGIN)):  # the first line may be cut, too
                 raise self._no_journal()
             self._file.truncate(0)
             self._file.write(first + b"\n")

@@ -56,7 +56,7 @@ class Sweep(Sequence[Case | None]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the results."""
+        """Names of the results of all cases."""
         return tuple(dict.fromkeys(name for row in self.values if row is not None for name in row))
 
     @property

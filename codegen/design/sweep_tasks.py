@@ -65,7 +65,7 @@ def run(bearer: Bearer, measure: Callable[[Any, Case], Any], cases: Sequence[Cas
 
 def _place(error: Exception) -> str:
     """The innermost line of the measure, or of a function it calls that is neither installed nor part of ordernm."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is `run`
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is that of `run`
     own = [f for f in frames if "site-packages" not in f.filename and not f.filename.startswith(OURS)]
     innermost = (own or frames or traceback.extract_tb(error.__traceback__))[-1]
     return f"{innermost.filename}, line {innermost.lineno}"

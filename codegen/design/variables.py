@@ -297,7 +297,7 @@ class Variables:
             raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
 
     def _value(self, place: Entry) -> float:
-        """Value of a variable in the given motion."""
+        """The value of a variable in the given motion."""
         if place.of == "inputs":
             return self._inputs.value(place.at, place.row or 0)
         return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])
@@ -344,7 +344,7 @@ class Variables:
 
 
 def _asked(wanted: Wanted) -> dict[str, Variable]:
-    """Variables by name."""
+    """The requested variables, by name."""
     if isinstance(wanted, str):
         return {wanted: Variable()}
     if not isinstance(wanted, Iterable):

@@ -72,7 +72,7 @@ class Bodies:
         return [(link.name, holder, frame @ link.origin) for holder, link, frame in every]
 
     def children(self, link: str) -> list[ImportedBody]:
-        """The child bodies of a body."""
+        """The bodies that the joints of a body carry."""
         return [body for body in self.all.values() if body.parent == link]
 
 

@@ -1,4 +1,4 @@
-"""``ordernm import``: its arguments and its messages."""
+"""``ordernm import``: arguments and messages of the command."""
 
 from __future__ import annotations
 

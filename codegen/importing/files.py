@@ -100,5 +100,5 @@ def _is_within(path: str, folder: str) -> bool:
 def _existing(path: Path) -> Path | None:
     try:
         return path if path.exists() else None
-    except (OSError, ValueError):  # not a possible file name
+    except (OSError, ValueError):  # the text cannot be a file name
         return None

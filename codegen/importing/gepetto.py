@@ -22,7 +22,7 @@ from .robot import Closing, Effect, Place, Robot
 BESIDE: Final = "robot.yaml"
 KEYS: Final = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _OWN: Final = re.compile(r"\b(closed_loop|joint_type|name_mot)\b")
-"""Keys that only Gepetto's files have."""
+"""Keys that occur in Gepetto's files only."""
 _AXES: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 JOINTS: Final[dict[str, tuple[str, tuple[Three, ...]]]] = {
     "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_AXES["X"], _AXES["Y"])),

@@ -31,7 +31,7 @@ from .writing import ModelWriter
 from .xml_reading import Element, no_regular_file, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
-"""Formats by the root element of their files."""
+"""Formats of robot files, by the root element."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     >>> found.model.coordinate_names, found.joints
     (('arm',), {'hinge': 'arm'})
     """
-    # long: a dozen options, each with its meaning
+    # long: the docstring describes every option
     chosen = Options(**options)
     file = os.fspath(path)
     for folder in chosen.package_paths:
@@ -199,7 +199,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     data = read_robot_file(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
-    with np.errstate(all="ignore"):  # `check_finite` reports overflow
+    with np.errstate(all="ignore"):  # overflow is reported by `check_finite`
         return imported(_read(root, files, chosen), chosen, os.path.basename(file))
 
 
@@ -225,7 +225,7 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
     """
     from .pinocchio import read_pinocchio
 
-    with np.errstate(all="ignore"):  # `check_finite` reports overflow
+    with np.errstate(all="ignore"):  # overflow is reported by `check_finite`
         chosen = _of_object(options, "pinocchio.Model", ("base", "key", "exact_angles", "package_paths"))
         return imported(read_pinocchio(model), chosen, "A model of Pinocchio")
 
@@ -252,7 +252,7 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     """
     from .mjcf import read_mujoco
 
-    with np.errstate(all="ignore"):  # `check_finite` reports overflow
+    with np.errstate(all="ignore"):  # overflow is reported by `check_finite`
         chosen = _of_object(options, "MjModel", ("base", "exact_angles", "package_paths"))
         return imported(read_mujoco(model, chosen.key), chosen, "A model of MuJoCo")
 
@@ -378,7 +378,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
 
 
 def _check_options(robot: Robot, options: Options) -> None:
-    """Refuse impossible values of options."""
+    """Raise an error for options with impossible values."""
     if options.base not in (None, *BASES):
         raise ModelError(
             [Problem(robot.file, None, None, "base", f"{options.base!r} is unknown; {' or '.join(BASES)} is allowed")]
@@ -466,7 +466,7 @@ def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -
 
 
 def _entries(texts: Iterable[str]) -> list[str]:
-    """The lines of a list in a comment."""
+    """Lines of a comment, one for each entry of a list."""
     return [f"  {part}" for text in texts for part in wrapped(one_line(text, 1000))]
 
 

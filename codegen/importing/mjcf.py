@@ -72,7 +72,7 @@ _MEDIUM: Final = ("density", "viscosity", "wind")
 
 
 def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -> Robot:
-    """The robot of an MJCF file.
+    """Read the robot of an MJCF file.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class _Reader:
     def __init__(self, model: Any, file: str, parts: MjcfFiles | None, key: str | None) -> None:
         self.model = model
         self.disabled = partial(disabled, _mujoco(), model)
-        """Whether any of some flags is disabled."""
+        """Whether at least one of the given flags is disabled."""
         self.file = file
         self.parts = parts
         self.key = key
@@ -206,7 +206,7 @@ class _Reader:
         return Placement() if b == 0 else self.robot.links[self.links[b]].origin
 
     def body(self, b: int) -> None:
-        """Add a body with its joints."""
+        """Add a body of the compiled model, with its joints."""
         model, name = self.model, self.names[b]
         place = self.place("body", name)
         parent = int(model.body_parentid[b])
@@ -464,7 +464,7 @@ class _Reader:
             geoms: list[Place | None] = [place_of(element) for element in self.elements("geom", "flexcomp")]
             for place in geoms or [None]:
                 robot.leave_out("contacts of geoms", place, Effect.STOPS)
-        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both off: all passive forces are off
+        is_passive = not (self.disabled("SPRING") and self.disabled("DAMPER"))  # both off: no passive forces act
         for name in _MEDIUM if is_passive else ():
             if np.any(getattr(model.opt, name)):
                 said = [place_of(element) for element in self.elements("option") if name in element.attributes]

@@ -76,7 +76,7 @@ class MjcfFiles:
             raise ModelError(self.problems)
 
     def every(self) -> Iterator[Element]:
-        """All elements of all files."""
+        """All elements of all files of the model."""
         seen = set()
         for part, _ in self.parts:
             if id(part) not in seen:
@@ -120,7 +120,7 @@ class MjcfFiles:
         return found
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """All elements with one of some tags."""
+        """All elements with one of the given tags."""
         return (element for element in self.every() if element.tag in tags)
 
     def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:
@@ -236,7 +236,7 @@ class MjcfFiles:
         return found
 
     def is_named(self) -> bool:
-        """Whether the model has a name."""
+        """Whether any element of the model has a given name."""
         return any("model" in part.attributes for part, prefix in self.parts if part is self.root or not prefix)
 
 

@@ -131,7 +131,7 @@ class PassiveForces:
         self.mujoco = mujoco
         self.model = model
         self.off = partial(disabled, mujoco, model)
-        """Whether any of some flags is disabled."""
+        """Whether at least one of the given flags is disabled."""
         self.robot = robot
         self.links = links
         self.joints = joints
@@ -140,12 +140,12 @@ class PassiveForces:
         self.lengths: dict[int, Length | None] = {}
         self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
         self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
-        """Actuator forces on joints that limit their sum."""
+        """Actuator forces on joints that limit the sum of these forces."""
         self.pulled: dict[int, list[Pull]] = {}
         """Actuators of tendons that limit the sum of their forces."""
 
     def read(self) -> None:
-        """Add all passive forces."""
+        """Add all passive forces of the model to the robot."""
         for t in range(int(self.model.ntendon)):
             self.tendon(t)
         for a in range(len(self.model.actuator_trntype)):
@@ -381,7 +381,7 @@ class PassiveForces:
             robot.leave_out("actuatorfrcrange of joints that a tendon pulls", place, Effect.DIFFERS)
 
     def is_off(self, a: int) -> bool:
-        """Whether the group of an actuator is disabled."""
+        """Whether the group to which an actuator belongs is disabled."""
         group = int(self.model.actuator_group[a])
         return 0 <= group <= 30 and bool(int(getattr(self.model.opt, "disableactuator", 0)) >> group & 1)
 
@@ -411,7 +411,7 @@ class PassiveForces:
         return first, second, third
 
     def reflected(self, a: int, place: Place, length: Length | None, joint: int) -> None:
-        """Add armature and damping of an actuator's rotor."""
+        """Add the armature and the damping that an actuator's rotor has."""
         model = self.model
         armature, damping = (float(row(model, f"actuator_{p}", a)[0]) for p in ("armature", "damping"))
         more = row(model, "actuator_dampingpoly", a)

@@ -56,15 +56,15 @@ class Parameters:
         return name
 
     def mass(self, body: str, value: float, words: set[str]) -> str:
-        """Text for a mass."""
+        """The text of a mass: a number, or the name of a parameter."""
         return self._new(f"{body}_mass", value, "kg", 0.0) if "mass" in words else number(value)
 
     def com(self, body: str, value: Three, words: set[str]) -> str:
-        """Text for a centre of mass."""
+        """The text of a centre of mass: numbers, or names of parameters."""
         return self._three(f"{body}_com", value) if "com" in words else vector(value)
 
     def inertia(self, body: str, six: Mapping[str, float], words: set[str]) -> dict[str, str]:
-        """Texts for the entries of an inertia."""
+        """The texts of the entries of an inertia: numbers, or names of parameters."""
         if "inertia" in words:
             return {key: self._new(f"{body}_i{key}", value, "kg m^2") for key, value in six.items()}
         return {key: number(value) for key, value in six.items() if value}

@@ -94,7 +94,7 @@ class _Reader:
         return found
 
     def frames(self) -> None:
-        """Add other body frames, as massless links."""
+        """Add the remaining body frames, as massless links."""
         for frame in self.model.frames:
             name, parent = str(frame.name), int(frame.parentJoint)
             if _is_body(frame) and parent and name not in self.robot.links:
@@ -132,7 +132,7 @@ class _Reader:
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The model-format joints that are equivalent to a Pinocchio joint."""
-        inner = joint.extract() if hasattr(joint, "extract") else joint  # for the attributes of the joint's type
+        inner = joint.extract() if hasattr(joint, "extract") else joint  # has the attributes of the joint's type
         kind, here = joint.shortname().removeprefix("JointModel"), Placement()
         if kind == "Composite":
             parts = zip(inner.joints, inner.jointPlacements, strict=True)
@@ -152,7 +152,7 @@ class _Reader:
             return [_Step(here, t.partition(":")[0], _axes(t.partition(":")[2])) for t in whole[kind]]
         if kind == "Universal":
             return [_Step(here, "universal", (as_three(inner.axis1), as_three(inner.axis2)))]
-        if joint.nv == 1:  # revolute, prismatic or helical
+        if joint.nv == 1:  # these joints are revolute, prismatic or helical
             (column,) = _columns(joint)
             along, about = column[:3], column[3:]
             if not np.any(about):

@@ -49,12 +49,12 @@ class Placement:
 
     @property
     def is_turned(self) -> bool:
-        """Whether the axes differ."""
+        """Whether the axes of the two frames differ."""
         return not np.array_equal(self.rotation, np.eye(3))
 
     @property
     def is_identity(self) -> bool:
-        """Whether the frames coincide."""
+        """Whether the two frames coincide."""
         return self.at == (0.0, 0.0, 0.0) and not self.is_turned
 
     def __matmul__(self, inner: Placement) -> Placement:
@@ -78,7 +78,7 @@ class Placement:
         return plus(self.at, turned(self.rotation, x))
 
     def vector(self, x: Any) -> Three:
-        """Components of a vector in the outer frame."""
+        """Components of a vector along the axes of the outer frame."""
         return turned(self.rotation, x)
 
 
@@ -89,7 +89,7 @@ def plus(a: Any, b: Any) -> Three:
 
 
 def turned(rotation: Array, x: Any) -> Three:
-    """rotation x; quarter turns keep the decimal digits."""
+    """A rotation times a vector; quarter turns keep the decimal digits."""
     result = []
     for row in rotation:
         if np.all((row == 0) | (np.abs(row) == 1)):
@@ -101,14 +101,14 @@ def turned(rotation: Array, x: Any) -> Three:
 
 
 def exact_sum(a: float, b: float) -> float:
-    """a + b, computed in exact decimals."""
+    """The sum of two vectors in exact decimals."""
     if a == 0 or b == 0:
         return a + b
     return float(Decimal(repr(a)) + Decimal(repr(b)))
 
 
 def of_rpy(roll: float, pitch: float, yaw: float) -> Array:
-    """R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """The rotation matrix of roll, pitch and yaw: R = Rz(yaw) Ry(pitch) Rx(roll)."""
     (cr, cp, cy), (sr, sp, sy) = (tuple(f(a) for a in (roll, pitch, yaw)) for f in (math.cos, math.sin))
     return np.array(
         [

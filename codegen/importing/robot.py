@@ -19,10 +19,10 @@ WORLD = ""
 
 
 VISIBLE: Final = ("box", "cylinder", "capsule", "sphere", "ellipsoid", "mesh")
-"""Types of visuals that the model format has."""
+"""Types of visuals that exist in the model format."""
 
 SINGLE: Final = ("revolute", "prismatic", "screw")
-"""Types of joints with one coordinate."""
+"""Types of joints that have one coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class Place:
     column: int | None = None
 
     def problem(self, message: str, severity: str = "error") -> Problem:
-        """A problem at this place."""
+        """An error or a warning at this place."""
         return Problem(self.file, self.line, self.column, "", message, severity)
 
 
@@ -131,7 +131,7 @@ class Solid:
 
 @dataclass(slots=True)
 class Link:
-    """A link.
+    """A link of a robot.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class RobotJoint:
         self.laws = tuple(laws[:1] if len(set(laws)) == 1 else laws)
 
     def law(self, k: int) -> Law:
-        """The law of degree of freedom k."""
+        """The spring and damper along degree of freedom k."""
         return self.laws[min(k, len(self.laws) - 1)] if self.laws else Law()
 
 
@@ -486,5 +486,5 @@ def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) 
 
 
 def as_three(x: Any) -> Three:
-    """The components as three floats."""
+    """Three components as a tuple of floats."""
     return float(x[0]), float(x[1]), float(x[2])

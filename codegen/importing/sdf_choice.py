@@ -15,7 +15,7 @@ _SHOWN = 12
 
 
 class Choice:
-    """Chooses models of a world.
+    """Chooses the models of a world that are read.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Choice:
                 yield scope, item
 
     def _all_joints(self) -> Iterator[tuple[Scope, Item, list[Scope]]]:
-        """All joints, with the scopes of their links."""
+        """All joints of the world, each with the scopes of its links."""
         for scope in self.paths:
             problems = len(self.reader.problems)
             for item in scope.items.values():

@@ -19,7 +19,7 @@ _ROOTS = ("world", "__root__")
 
 
 class Frames:
-    """Finds frames by name.
+    """Finds the frames of an SDF by name.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Frames:
         self.attached: dict[tuple[int, str], str | None] = {}
 
     def pose(self, element: Element | None) -> Placement:
-        """The pose in a <pose> element."""
+        """The pose that a <pose> element describes."""
         if element is None or not element.text.strip():
             return Placement()
         values = self.values
@@ -127,7 +127,7 @@ class Frames:
         return self.once(parent, f"::{id(model)}", user, found)
 
     def absolute(self, scope: Scope) -> Placement:
-        """Pose of a scope in the world."""
+        """Pose of a scope's frame in the world."""
         return Placement() if scope.parent is None else self.absolute(scope.parent) @ self.of_model(scope)
 
     # ---- links ---------------------------------------------------------------------------------------------------------

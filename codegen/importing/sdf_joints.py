@@ -69,12 +69,12 @@ class SdfJoint:
 
     @property
     def element(self) -> Element:
-        """The joint's element."""
+        """The XML element of the joint."""
         return self.item.element
 
 
 class JointReader(PartReader):
-    """Reads joints."""
+    """Reads the joints of an SDF."""
 
     def read(self, scope: Scope, item: Item, path: str, cut: str) -> SdfJoint | None:
         """The joint of an item; None after an error.
@@ -153,7 +153,7 @@ class JointReader(PartReader):
         return -1.0 / value if value else 0.0
 
     def law(self, axis: Element) -> Law:
-        """The law in the <dynamics> of an axis."""
+        """The spring and damper that the <dynamics> of an axis describes."""
         values, element = {}, axis.first("dynamics")
         for child in element.children if element is not None else ():
             if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
@@ -167,7 +167,7 @@ class JointReader(PartReader):
         return Law(values.get("damping", 0.0), stiffness, values.get("spring_reference", 0.0) if stiffness else 0.0)
 
     def rotor(self, element: Element) -> float:
-        """The reflected rotor inertia, from Drake's elements."""
+        """The reflected inertia of a rotor, from elements of Drake."""
         inertia, ratio = (element.first(f"drake:{word}") for word in ("rotor_inertia", "gear_ratio"))
         if inertia is None:
             return 0.0

@@ -19,7 +19,7 @@ _WATER: Final = 1000.0
 
 
 class ShapeReader(PartReader):
-    """Reads <visual> and <collision>."""
+    """Reads the shapes in <visual> and <collision>."""
 
     def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
         """The primitive solid of an element in its link; other shapes are listed as left out."""

@@ -51,7 +51,7 @@ class TreeMaker:
         self.used: dict[str, Placement] = {WORLD: self.outside.inverse()}
 
     def put_together(self, joints: Mapping[str, SdfJoint], poses: Mapping[str, Placement]) -> None:
-        """Give the robot its joints, loops and gears.
+        """Enter joints, loops and gears into the robot.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class TreeMaker:
         return found
 
     def close(self, joint: SdfJoint, poses: Mapping[str, Placement]) -> None:
-        """Add a joint that closes a loop."""
+        """Enter a joint that closes a loop."""
         place = place_of(joint.element)
         if joint.type == "screw":
             what = f"joint {shortened(joint.name)}, a screw, closes a loop"

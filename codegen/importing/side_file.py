@@ -102,7 +102,7 @@ def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
 
 
 def _mappings(value: Any) -> list[dict[str, Any]]:
-    """All mappings within a value."""
+    """All mappings that a value contains, itself included."""
     found, stack = [], [value]
     while stack:
         one = stack.pop()

@@ -46,7 +46,7 @@ class _Conditions:
         self.closures: dict[tuple[str, ...], list[tuple[str, str]]] = {}
 
     def read(self, name: str, constraint: Any) -> None:
-        """Add one constraint."""
+        """Convert one constraint."""
         import sympy
         from sympy.core.function import AppliedUndef
 
@@ -128,7 +128,7 @@ class _Conditions:
         return found
 
     def forget(self, letters: list[Any]) -> None:
-        """Remove the symbols of a point's coordinates."""
+        """Remove the symbols that stand for a point's coordinates."""
         for letter in letters:
             del self.found.symbols[letter]
 

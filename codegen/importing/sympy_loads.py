@@ -12,7 +12,7 @@ _AT_ORIGIN = ["0"] * 3
 
 
 def read_loads(found: SympySystem, loads: Iterable[Any], actuators: Iterable[Any]) -> None:
-    """Fill the sections ``gravity`` and ``forces``."""
+    """Fill the sections ``gravity`` and ``forces`` of the model."""
     rest = [_as_load(load) for load in loads]
     gravity = _gravity(found, rest)
     if gravity is not None:
@@ -34,7 +34,7 @@ def _as_load(load: Any) -> Any:
 
 
 def _reported(found: SympySystem, where: str, read: Any, *what: Any) -> None:
-    """Call a reader and report its errors."""
+    """Call a reader of a load, and report its errors."""
     try:
         read(found, *what)
     except Trouble as error:

@@ -76,7 +76,7 @@ def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str
     >>> found.symbols[system.q[0]]
     'q.rod'
     """
-    # long: its example builds a system
+    # long: the example in the docstring builds a system
     joints, frame, origin = _parts(system)
     found = SympySystem(system)
     with_conditions = list(getattr(system, "holonomic_constraints", ()))
@@ -157,7 +157,7 @@ def _time() -> Any:
 
 
 def _give_values(found: SympySystem, values: dict[Any, float]) -> None:
-    """Fill the sections ``parameters`` and ``initial``."""
+    """Fill the sections ``parameters`` and ``initial`` of the model."""
     given: dict[str, float] = {}
     known = {**{str(s): n for s, n in found.symbols.items()}, **{n: n for n in found.symbols.values()}}
     for key, value in values.items():
@@ -183,7 +183,7 @@ def _give_values(found: SympySystem, values: dict[Any, float]) -> None:
 
 
 def _imported(found: SympySystem, name: str, joints: Iterable[Any]) -> Imported:
-    """The model of the sections that were read."""
+    """The model that the sections describe."""
     robot = found.robot
     lines = ["A System of sympy.physics.mechanics, imported by ordernm.", *map(one_line, robot.notes)]
     if robot.left_out:

@@ -62,7 +62,7 @@ class Step:
 
 @dataclass(slots=True)
 class SympySystem:
-    """State of reading a system.
+    """A system that is being read, and the sections of the model so far.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class SympySystem:
         return name
 
     def vector(self, vector: Any, axes: Any) -> list[str]:
-        """Components of a vector as texts."""
+        """Components of a vector, as texts."""
         return [self.text(c) for c in components(vector, axes)]
 
     def fixed(self, vector: Any, axes: Any, what: str) -> list[str]:
@@ -212,7 +212,7 @@ def _place(point: Any, frame: Frame) -> list[Any] | None:
 
 
 def read_bodies(found: SympySystem, joints: Iterable[Any], bodies: Iterable[Any], inertial: Any, origin: Any) -> None:
-    """Read the tree of bodies and joints.
+    """Read the tree of bodies and joints of a system.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def _follow(found: SympySystem, joints: list[Any], names: Mapping[str, str]) -> 
 
 
 def _in_order(bodies: list[Any], joints: list[Any]) -> list[Any]:
-    """All bodies once each, including those of joints."""
+    """All bodies once each, including those that only joints name."""
     every = [*bodies, *(b for j in joints for b in (j.parent, j.child))]
     return list({id(b): b for b in every}.values())
 
@@ -363,7 +363,7 @@ def joint_steps(joint: Any, sign: int) -> list[Step]:
 
 
 def _spherical(joint: Any, q: tuple[Any, ...], u: tuple[Any, ...]) -> list[Step]:
-    """Three revolute joints, since sympy's coordinates are angles."""
+    """Three revolute joints that replace a spherical joint, since sympy's coordinates are angles."""
     letters = str(joint._rot_order).upper().translate(str.maketrans("123", "XYZ"))
     amounts = list(q if joint._amounts is None else joint._amounts)
     if sorted(map(str, amounts)) != sorted(map(str, q)):

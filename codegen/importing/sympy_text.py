@@ -35,7 +35,7 @@ def model_text(head: Sequence[str], sections: Mapping[str, Any]) -> str:
 
 
 def _block(name: str, entry: Mapping[str, Any]) -> list[str]:
-    """An entry with one line for each key."""
+    """The lines of an entry, one for each key."""
     return [f"  {name}:", *(f"    {key}: {_flow(value)}" for key, value in entry.items())]
 
 

@@ -46,7 +46,7 @@ LOOP_TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "planar": "planar",
     "spherical": "point", "ball": "point", "universal": "universal", "cylindrical": "cylindrical",
 }  # fmt: skip
-"""Types of <constraint>."""
+"""Types of <constraint>, with the joint types that close loops."""
 
 _LINK: Final = {"inertial", "visual", "collision"}
 _JOINT: Final = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "drake:screw_thread_pitch"}
@@ -176,7 +176,7 @@ class _Reader(RobotReader):
         return super().remark_of(element)
 
     def leave_out_rest(self, element: Element, known: set[str]) -> None:
-        """List unknown children and attributes."""
+        """List the unknown children and attributes of elements."""
         self.leave_out_children(element, known)
         allowed = _ATTRIBUTES.get(element.tag)
         if allowed is not None:
@@ -296,7 +296,7 @@ class _Reader(RobotReader):
             if link is None:
                 continue
             if link == "world" and tag == "parent" and link not in self.robot.links:
-                link = WORLD  # as in Drake
+                link = WORLD  # the name denotes the world, as in Drake
             elif link not in self.robot.links:
                 self.unknown(end, "link", link, list(self.robot.links))
             ends.append(link)

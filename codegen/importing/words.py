@@ -9,7 +9,7 @@ from typing import Final
 from .placement import Three, pi_text
 
 WIDTH: Final = 118
-"""Width of a comment in characters."""
+"""Number of characters in a line of a comment."""
 
 
 def number(value: float) -> str:

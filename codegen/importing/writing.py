@@ -20,7 +20,7 @@ from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 _AGREES: Final = 1e-9
 """Relative tolerance for the mass properties of a shape to count as those of the file."""
 SHAPES: Final = ("box", "cylinder", "capsule", "sphere")
-"""Solids in the model format."""
+"""Types of solids that the model format has as shapes."""
 _COORDINATES: Final = {
     "cylindrical": ("1", "2"), "planar": ("1", "2", "3"), "universal": ("1", "2"),
     "spherical": ("wx", "wy", "wz"), "free": ("wx", "wy", "wz", "vx", "vy", "vz"),
@@ -75,7 +75,7 @@ class ModelWriter:
 
     def text(self) -> str:
         """The text of the whole file."""
-        bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # adds parameters
+        bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # this adds parameters
         scenery = Link(WORLD, Place(self.robot.file), solids=self.robot.scenery)
         points = self.points()
         inputs, forces = self.forces()
@@ -109,7 +109,7 @@ class ModelWriter:
         return "\n".join(lines) + "\n"
 
     def body(self, body: ImportedBody) -> list[str]:
-        """The lines of a body."""
+        """The lines of a body in the model file."""
         joint, words = body.joint, body.words
         keys = [f"type: {joint.type}", *_axis_keys(joint.type, joint.axes)]
         if joint.pitch:
@@ -190,12 +190,12 @@ class ModelWriter:
         return lines
 
     def point(self, name: str, holder: str, at: Three, remark: str) -> str:
-        """The line of a point."""
+        """The line of a point in the model file."""
         place = f", at: {vector(at)}" if any(at) else ""
         return f"{name}: {{body: {self.names[holder]}{place}}}" + (f"  # {remark}" if remark else "")
 
     def closing(self, closing: Closing) -> list[str]:
-        """The lines of a loop."""
+        """The lines of a loop in the model file."""
         keys = [f"type: {closing.type}", *_axis_keys(closing.type, closing.axes)]
         lines = [f"{closing.name}:", f"  joint: {{{', '.join(keys)}}}"]
         for key, (link, frame) in (("from", closing.start), ("to", closing.end)):
@@ -205,7 +205,7 @@ class ModelWriter:
         return lines
 
     def couplings(self) -> list[str]:
-        """Lines of the couplings."""
+        """The lines of the couplings in the model file."""
         lines: list[str] = []
         used = {*self.names.values(), *(closing.name for closing in self.robot.closings)}
         for coupling in self.robot.couplings:
@@ -262,7 +262,7 @@ class ModelWriter:
         return inputs, forces
 
     def initial(self) -> list[str]:
-        """Lines of the initial coordinates and speeds."""
+        """The lines of the initial coordinates and speeds."""
         q, u = [], []
         for link, body in self.bodies.all.items():
             if body.joint.name in self.robot.locked:
@@ -283,12 +283,12 @@ def _listed(values: Sequence[str]) -> str:
 
 
 def _times(factor: float, what: str) -> str:
-    """A product such as ``-2*x`` or ``-x``."""
+    """The text of a product, such as ``-2*x`` or ``-x``."""
     return what if factor == 1 else f"-{what}" if factor == -1 else f"{number(factor)}*{what}"
 
 
 def _unit(count: int) -> tuple[float, ...]:
-    """Coordinates of a free or spherical joint in its reference pose."""
+    """Initial coordinates of a free or spherical joint in its reference pose."""
     return tuple(1.0 if k == count - 4 else 0.0 for k in range(count))
 
 

@@ -69,12 +69,12 @@ class Element:
         return next(self.all(tag), None)
 
     def problem(self, message: str, severity: str = "error") -> Problem:
-        """A problem at this element."""
+        """An error or a warning at this element."""
         return Problem(self.file, self.line, self.column, "", within_a_line(message), severity)
 
 
 def read_robot_file(path: str | Path) -> bytes:
-    """The bytes of a robot's file.
+    """Read the bytes of a robot's file.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def no_regular_file(path: str | os.PathLike[str]) -> str | None:
 
 
 def parse_xml(data: bytes | str, file: str) -> Element:
-    """The root of an XML text.
+    """Parse an XML text; returns its root element.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def _blanks(match: re.Match[bytes]) -> bytes:
 
 
 class _Handler(ContentHandler):
-    """Builds the elements from the parser's events."""
+    """Builds elements from the events of the parser."""
 
     def __init__(self, file: str) -> None:
         super().__init__()

@@ -168,7 +168,7 @@ class RobotReader(Values, ABC):
 
     @abstractmethod
     def read(self) -> None:
-        """Fill `robot`, and collect the errors."""
+        """Read the file: fill `robot`, and collect the errors."""
 
     def remark_of(self, element: Element) -> tuple[str, Effect]:
         """Remark about an element that the model format lacks, and the effect of its absence."""
@@ -234,7 +234,7 @@ class RobotReader(Values, ABC):
         return ""
 
     def whole(self) -> Robot:
-        """The robot of the file.
+        """Read the whole robot, or raise its errors.
 
         Raises
         ------
@@ -261,7 +261,7 @@ def hex_color(text: str) -> str:
 
 
 Sizes = Callable[[RobotReader, Element], tuple[float, ...]]
-"""Reads the sizes of a solid."""
+"""Reads the sizes of a solid from its element."""
 
 
 def version_of(text: str) -> tuple[int, int]:
@@ -288,5 +288,5 @@ def shown_effect(element: Element) -> Effect:
 
 
 def place_of(element: Element) -> Place:
-    """The place of an element."""
+    """The place of an element in its file."""
     return Place(element.file, element.line, element.column)

@@ -71,7 +71,7 @@ MOST_TRIED = 40
 
 
 def worst(chosen: Partition) -> float:
-    """The largest condition number of the partition's ears."""
+    """The largest condition number of all ears of a partition."""
     return max((ear.condition for ear in chosen.ears), default=1.0)
 
 

@@ -70,7 +70,7 @@ def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool =
         geometry.follow(ear)
     dependent = [s for ear in partition.ears for s in ear.dependent]
     moving = {int(geometry.speed_body[s]) for s in dependent}
-    q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # normalizes quaternions
+    q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # a step of zero normalises quaternions
     if is_closed(geometry, q):
         return q
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])
@@ -289,7 +289,7 @@ def _with_neighbours(
             bodies = set().union(*(cycles[i] for i in together))
             wider = together | {i for i in others if cycles[i] & bodies}
             if len(together) == 1 and hold is held:
-                continue  # _closed_alone has tried this
+                continue  # this choice has been tried by _closed_alone
             rigid = set().union(*(cycles[i] for i in others if i not in together))
             ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies - rigid)
             movable = ~np.isin(ring.joints.speeds, list(hold))

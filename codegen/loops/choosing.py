@@ -22,7 +22,7 @@ POOR_HINTS = 100.0
 """A warning is issued if the condition number of a choice with the model's hints exceeds that of pivoting by this factor."""
 
 ELSEWHERE = 2
-"""Number of configurations in `Choice.elsewhere`."""
+"""Number of other configurations at which choices are compared, `Choice.elsewhere`."""
 
 SEED = 19900117
 """Seed of the random states, the same for every component."""
@@ -104,7 +104,7 @@ def choose(
             if found.loss > (ACCEPTED if without_hints is None else POOR_HINTS):
                 warnings.append(_poor(geometry, found, without_hints))
         drafts = _in_their_places(drafts, ears, of_loop)
-        for draft in drafts:  # comparing choices has changed the characteristic lengths
+        for draft in drafts:  # the comparison of choices has changed the characteristic lengths
             geometry.lengths[list(draft.loops)] = np.max(geometry.own_lengths[list(draft.loops)])
     rest = [n for n in range(len(components)) if n not in small]
     dependent = [s for n in rest for d in ears[n] for s in d.dependent]

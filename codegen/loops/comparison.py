@@ -60,7 +60,7 @@ class Comparison:
 
     @property
     def is_poor(self) -> bool:
-        """Whether another choice should be sought."""
+        """Whether the choice is so poor that another one should be sought."""
         return self.loss > ACCEPTED or self.reach < SHORT_OF_REACH
 
     @property
@@ -77,7 +77,7 @@ class Comparison:
         return self.worth > other.worth
 
     def is_clearly_better(self, other: Comparison) -> bool:
-        """Whether this choice should replace the other."""
+        """Whether this choice is so much better that it should replace the other one."""
         if other.loss > ACCEPTED:
             return self.loss * WORTH_IT < other.loss
         return self.loss <= ACCEPTED and self.worth >= other.worth + WIDER

@@ -58,7 +58,7 @@ ROUNDS = 2
 
 
 class Conditioning:
-    """Compares choices of dependents for one component.
+    """Compares choices of dependent speeds for one component.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class Conditioning:
         self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
 
     def compare(self, drafts: Sequence[Draft]) -> Comparison:
-        """Condition numbers and reach of a choice."""
+        """The condition numbers and the reach of a choice."""
         chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
         return self._compare_columns(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
 

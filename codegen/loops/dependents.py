@@ -111,7 +111,7 @@ def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
 
 
 def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, dense: bool = False) -> list[int] | None:
-    """Columns that span A.
+    """Choose columns that span the range of A.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ class DisjointSets:
         self._towards = list(range(n))
 
     def find(self, i: int) -> int:
-        """The member that identifies the set of i."""
+        """The member that identifies the set that contains i."""
         towards = self._towards
         while towards[i] != i:
             towards[i] = towards[towards[i]]

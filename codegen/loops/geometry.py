@@ -26,7 +26,7 @@ LEAST_TOLERANCE = 1e-12
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
-    """Parameters by name; None gives the defaults."""
+    """Values of the parameters by name; None gives the defaults."""
     values = [x.value for x in model.parameters] if p is None else [float(x) for x in p]
     if len(values) != len(model.parameters):
         raise ValueError(f"p has {len(values)} values; the model has {len(model.parameters)} parameters")
@@ -291,7 +291,7 @@ class Geometry:
                 distances.append(np.linalg.norm(points[0] - points[1]))
                 break
             i = int(self.depth[ends[1]] > self.depth[ends[0]])
-            distances.append(np.linalg.norm(points[i]))  # the joint is at the body's origin
+            distances.append(np.linalg.norm(points[i]))  # this joint is at the body's origin
             points[i], ends[i] = self.at[ends[i]], self.parent[ends[i]]
         distances = [d for d in distances if d > self.tolerance * self._extent]
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
@@ -379,7 +379,7 @@ class Joints:
             chain = g.chains[kind].of(g.row[b[places]])
             self.chains.append((places, chain))
             if chain.altered:
-                first = np.searchsorted(self.place, places)  # first of their speeds
+                first = np.searchsorted(self.place, places)  # the first speed of each joint
                 columns = first[:, None] + np.arange(len(kind.speeds))
                 self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.altered]))
         self.unturned = np.array(unturned, dtype=int)

@@ -66,7 +66,7 @@ def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
 
 @dataclass(slots=True)
 class Draft:
-    """An ear found in one sweep.
+    """An ear that one sweep has found.
 
     Attributes
     ----------

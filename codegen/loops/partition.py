@@ -62,7 +62,7 @@ class _NotNearlyClosed(PartitionError):
     all="ignore"
 )  # numbers of a model may have any size: a loop whose numbers overflow does not close, and is reported
 def partition(model: Model) -> Partition:
-    """Choose dependents and order the ears.
+    """Choose the dependent speeds of a model and order its ears.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def partition(model: Model) -> Partition:
             f"these coordinates; remove {'one of them' if several else 'it'} from `motion`, or give the loop one more degree "
             f"of freedom"
         ) from None
-    except np.linalg.LinAlgError:  # raised for matrices that are not finite
+    except np.linalg.LinAlgError:  # LinAlgError: a matrix contains numbers that are not finite
         widest = int(np.argmax(geometry.own_lengths))
         name, length = model.loops[widest].name, geometry.own_lengths[widest]
         raise PartitionError(
@@ -103,7 +103,7 @@ def partition(model: Model) -> Partition:
 
 
 def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
-    """The partition of a model with loops."""
+    """The partition of a model that has loops."""
     random = np.random.default_rng(SEED)
     held = hinted(geometry)
     check_cycles(geometry)
@@ -136,7 +136,7 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
 
 
 class _Choice:
-    """Finds an assembled configuration and the ears.
+    """Finds an assembled configuration, the ears, and their dependent speeds.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from .geometry import Geometry, Joints
 
 
 class Groups:
-    """Bodies merged across known joints.
+    """Bodies in groups, merged across known joints.
 
     Attributes
     ----------

@@ -130,7 +130,7 @@ class Ring:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Result of closing a ring.
+    """The result of closing a ring.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Outcome:
 
     @property
     def residual(self) -> float:
-        """The largest residual."""
+        """The largest scaled residual of the ring."""
         return float(np.max(np.abs(self.rows), initial=0.0))
 
 

@@ -73,13 +73,13 @@ class Motion:
 
     @cached_property
     def cuts(self) -> Cuts:
-        """The cuts of all loops at their positions."""
+        """The cuts of all loops at the given coordinates."""
         found = Cuts(self.geometry, range(len(self.geometry.model.loops)))
         found.place(found.faces(self.frames), self.q)
         return found
 
     def restart(self) -> None:
-        """Undo the resolution of all ears."""
+        """Forget which ears have been resolved."""
         self.u = self.given.copy()
         self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 
@@ -195,7 +195,7 @@ class VelocityClosure:
         return total
 
     def scaled(self, geometry: Geometry, length: float) -> Array:
-        """E for displacements measured in characteristic lengths."""
+        """The matrix E for displacements in characteristic lengths."""
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
     def weighed(self, geometry: Geometry, length: float) -> Array:

@@ -72,7 +72,7 @@ def _model(reader: Reader) -> Model | None:
     parameters = read_parameters(reader)
     reader.allowed["inputs"] = {**dict.fromkeys(reader.defaults), "t": None}
     read_inputs(reader)
-    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # last in messages
+    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # the name t comes last in messages
     check_given(reader)
     tables = read_tables(reader)
     named = read_named_expressions(reader)

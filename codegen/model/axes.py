@@ -23,13 +23,13 @@ def least_along(axis: Vector, defaults: dict[str, float]) -> int:
 
 
 def signed_base(i: int, sign: int = 1) -> Vector:
-    """A base vector, or its negative."""
+    """A base vector, or the negative of one."""
     x, y, z = (Expression.number(sign if k == i else 0) for k in range(3))
     return x, y, z
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Cross product a x b."""
+    """Cross product of two vectors of expressions."""
 
     def entry(i: int) -> Expression:
         j, k = (i + 1) % 3, (i + 2) % 3

@@ -1,5 +1,5 @@
 """Models built in Python, with the structure and the checks of a model file."""
-# long: a signature and a docstring for each of twenty methods
+# long: each of twenty methods has a signature and a docstring
 
 from __future__ import annotations
 
@@ -321,7 +321,7 @@ class ModelBuilder:
         >>> b.build().coordinate_names
         ('upper', 'lower')
         """
-        # long: seventeen arguments, each with its meaning
+        # long: the docstring describes every argument
         placed = _given(
             axis=axis, axes=axes, normal=normal, pitch=pitch, armature=armature, at=at, rotate=rotate, rpy=rpy
         )

@@ -117,7 +117,7 @@ def step(motion: Motion, start: Array, axes: Array, factors: Array) -> Step:
 
 
 class Chain:
-    """The motion of m joints of one type.
+    """The motion of m joints of one type: a chain of elementary motions.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from .model import GROUND, Body, Joint
 from .motions import Ball, Displacement, Slide, Turn
 
 Finding = tuple[int, tuple[str, ...], str, str]
-"""Body, path to the key, message and severity."""
+"""A finding of a check: body, path to the key, message and severity."""
 
 PSD_TOLERANCE = 1e-12
 TRIANGLE_TOLERANCE = 1e-9

@@ -175,7 +175,7 @@ Origin: Final = (ZERO, ZERO, ZERO)
 
 
 class Entry(BaseModel):
-    """A mapping in the file with fixed keys.
+    """Base class of the entries of a model file: mappings with fixed keys.
 
     Attributes
     ----------
@@ -197,7 +197,7 @@ class RotationEntry(Entry):
 
 
 class PlacedEntry(Entry):
-    """A frame and its pose in a body."""
+    """Base class of entries with a pose: a frame in a body."""
 
     at: Vector = Origin
     rotate: Annotated[tuple[RotationEntry, ...] | None, WrapValidator(written)] = None

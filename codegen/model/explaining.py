@@ -109,7 +109,7 @@ def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, in
             message = f"{shown(value)}; {_wanted(loc)}"
         elif kind == "missing":
             if (loc[:-1], f"did you mean {loc[-1]!r}?") in misspelt:
-                continue  # already reported at the misspelt key
+                continue  # already reported as a misspelt key
             message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
             shown_path = shown_path[:-1]
         elif kind == "extra_forbidden":

@@ -107,7 +107,7 @@ class Expression:
 
     @staticmethod
     def number(value: Number) -> Expression:
-        """The expression of a finite number."""
+        """Return the expression that is a finite number."""
         return Expression(("number", canonical(value)))
 
     @property
@@ -416,7 +416,7 @@ _MOST_EXACT: Final = 64
 
 
 COMBINED: Final = TreeFunctions(combine)
-"""Makes trees with numerical parts computed, see `combine`."""
+"""Operations that make trees and compute their numerical parts, see `combine`."""
 
 
 def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:

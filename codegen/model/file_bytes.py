@@ -8,7 +8,7 @@ from .errors import ModelError, Problem
 
 
 def read_bytes(path: str | Path, limit: int, needed: str, too_large: str) -> bytes:
-    """The bytes of a file.
+    """Read the bytes of a file.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ WRAPPED: Final = "wrapped"
 OF_TREES: Final = (AT_LEAST, CHOICE, VANISHING, WRAPPED)
 
 JUMPS: Final = (AT_LEAST, "sign", "mod")
-"""Functions with jumps."""
+"""Functions of the grammar that have jumps."""
 
 WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", "distance": "distance(POINT, POINT)",
                       "rate": "rate(POINT, POINT)"}  # fmt: skip

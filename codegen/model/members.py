@@ -59,12 +59,12 @@ class Joint:
 
     @property
     def kind(self) -> Kind:
-        """The facts of its type."""
+        """The class of the joint's type, with its facts for all engines."""
         return JOINTS[self.type]
 
     @property
     def is_fixed(self) -> bool:
-        """Whether it has no degree of freedom."""
+        """Whether the joint has no degree of freedom."""
         return not JOINTS[self.type].motion
 
 
@@ -123,7 +123,7 @@ class Loop:
 
     @property
     def closure(self) -> Closure:
-        """The conditions of its type."""
+        """The conditions that a joint of this type imposes."""
         return CLOSURE_ROWS[self.type]
 
     @property
@@ -179,7 +179,7 @@ class Coupling(Loop):
 
     @property
     def is_coupling(self) -> bool:
-        """Always True."""
+        """Always True: a coupling is one."""
         return True
 
 
@@ -202,16 +202,16 @@ class PointCondition(Loop):
 
     @property
     def surfaces(self) -> tuple[SurfaceFunction, ...]:
-        """The equations with their derivatives."""
+        """The functions of the equations, with their derivatives."""
         return tuple(surface_function(e) for e in self.equations)
 
 
 COUPLING = "coupling"
-"""The type name of couplings."""
+"""The type name of couplings in `Loop.type`."""
 
 
 def coupling(name: str, terms: tuple[Term, ...], offset: Expression) -> Coupling:
-    """A coupling of the coordinates in `terms`."""
+    """A coupling of the coordinates in `terms`, with an offset."""
     nowhere = Face(GROUND, (ZERO, ZERO, ZERO))
     return Coupling(name, COUPLING, (), nowhere, nowhere, terms, offset)
 

@@ -13,7 +13,7 @@ from .model import GROUND, Body, Joint
 from .vectors import axis_rotation, skew, unit
 
 Value = Callable[[Expression], float]
-"""Value of an expression at the default parameters."""
+"""Type of a function that gives the value of an expression at the default parameters."""
 Driven = Mapping[int, Sequence[int]]
 """Prescribed coordinates, by body and index in its joint."""
 
@@ -117,12 +117,12 @@ def _singular_at(
             full = np.sqrt(np.abs(np.diag(s.T @ composite[k] @ s + rotors)))
             full[full == 0] = 1.0
             if not np.isfinite(pivot).all() or not np.isfinite(full).all():
-                return []  # the numbers are too large to decide
+                return []  # numbers are too large for a decision
             values, vectors = np.linalg.eigh(pivot / np.outer(full, full))
             good = np.abs(values) > _TOLERANCE
             if not good.all():
                 singular.append(k)
-            basis = vectors[:, good] / full[:, None]  # inverse on the subspace with nonzero inertia
+            basis = vectors[:, good] / full[:, None]  # inverse on the subspace in which the inertia is not zero
             a = a - (u @ basis / values[good]) @ (u @ basis).T
         parent = bodies[k].parent
         if parent != GROUND:

@@ -68,16 +68,16 @@ class Speaker(Protocol):
     """Describes the parts of an output in words; see `codegen.listing`."""
 
     def name(self, body: int) -> str:
-        """The name of a body, or ``ground``."""
+        """The name of a body in words, or ``ground``."""
 
     def point(self, point: Point) -> str:
-        """Description of a point."""
+        """Description of a point in words."""
 
     def axis(self, axis: Vector) -> str:
-        """Description of a direction."""
+        """Description of a direction in words."""
 
     def long(self, expression: Expression) -> str:
-        """Text of an expression."""
+        """Text of an expression, or its value if the text is long."""
 
 
 class Measure:
@@ -198,7 +198,7 @@ class RelativePosition(OfPoints):
 
 
 class RelativeVelocity(RelativePosition):
-    """Time derivative of the relative position, m/s."""
+    """Time derivative of a relative position, m/s."""
 
     name = "relative_velocity"
     unit = "m/s"

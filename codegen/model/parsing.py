@@ -51,7 +51,7 @@ def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
 
 
 def _length(start: Tree, end: Tree) -> Tree:
-    """The distance of two points."""
+    """The distance of two points, as a tree."""
     x, y, z = (("**", _gap("position", start, end, c), ("number", 2)) for c in "xyz")
     return ("call", "sqrt", ("+", ("+", x, y), z))
 
@@ -190,7 +190,7 @@ class _Parser:
         if math.isinf(value):
             self.fail(f"number {token if len(token) < 30 else token[:27] + '...'} is too large; up to 1.8e308", start)
         if value != 0 and abs(value) < EXACT and token.isdigit():
-            return ("number", int(value))  # exact; int(token) rejects thousands of leading zeros
+            return ("number", int(value))  # exact, while int(token) would reject thousands of leading zeros
         return ("number", canonical(value))
 
     def quantity(self, token: str, start: int) -> Tree:

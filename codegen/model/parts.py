@@ -78,7 +78,7 @@ class Given:
 
 @dataclass(eq=False)
 class Part:
-    """One use of a file.
+    """One use of a file in a model.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class Part:
         return known
 
     def _with_tables(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """The expression with tables replaced by their formulas."""
+        """An expression in which calls of tables are replaced by formulas."""
         key = expression, tuple((i, n) for i, n in indices.items() if i in expression.names)
         found = self._written_out.get(key)
         if found is None:
@@ -231,7 +231,7 @@ class Part:
             try:
                 name = "_".join([name, *(index_text(i, numbers) for i in tree[2][:-1])])
             except ExpressionError:
-                return ""  # reported when the expression is bound
+                return ""  # the error is reported when the expression is bound
             if name in self.tables:
                 return name
             message = f"{name} is not a table; tables are {', '.join(repeated[:6])}, called {tree[1]}(k)(x) or {repeated[0]}(x)"
@@ -327,7 +327,7 @@ def _text(path: str, shown: str) -> str:
 
 
 def _there(path: str, text: str) -> str:
-    """A hint which files exist instead."""
+    """A hint that lists the files that exist instead."""
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         return "its folder does not exist; paths are relative to the folder of the file that contains them"

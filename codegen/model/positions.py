@@ -130,7 +130,7 @@ class Document:
 
 
 def show_path(path: Path_) -> str:
-    """Text of a path: ``bodies.crank.joint.at[0]``."""
+    """A path as text, such as ``bodies.crank.joint.at[0]``."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{_cut(part)}" if text else _cut(part)
@@ -148,7 +148,7 @@ def _cut(text: str) -> str:
 
 
 def read_file(path: str | Path) -> str:
-    """Text of a model file.
+    """Read the text of a model file.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def digest_of_documents(documents: Iterable[Document]) -> str:
 
 
 def compose(text: str, file: str) -> Document:
-    """Read YAML text.
+    """Read a YAML text as a document.
 
     Raises
     ------
@@ -206,7 +206,7 @@ def compose(text: str, file: str) -> Document:
 
 
 def _events(text: str) -> Iterator[Any]:
-    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # the fallback is slower, but otherwise equal
+    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # the fallback gives the same result, but is slower
     parser = loader(text)
     try:
         while (event := parser.get_event()) is not None:

@@ -15,7 +15,7 @@ MAX_ERRORS: Final = 10_000
 
 
 class TooManyProblems(Exception):
-    """Raised when enough errors have been collected."""
+    """Raised when so many errors have been collected that reading stops."""
 
 
 class Problems:

@@ -31,7 +31,7 @@ NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUME
 """Functions that are never negative, besides those that are always positive."""
 
 Factors = list[tuple[Tree, Tree]]
-"""Trees, or keys, with their exponents."""
+"""Trees, or keys, each with an exponent."""
 
 
 _MOST_MOVES = 64
@@ -82,7 +82,7 @@ def product(*factors: tuple[Tree, Tree]) -> Tree:
 
 
 class Product:
-    """A product of powers.
+    """A product of powers of trees.
 
     Attributes
     ----------
@@ -219,7 +219,7 @@ class Product:
                 moves.append(x)
                 e = plus(e, ONE)
             if not moves or (e[0] == "number" and e[1] < 0):
-                continue  # the product is infinite in any case
+                continue  # the whole product is infinite in any case
             powers = left | {key: e}
             for x in moves:
                 of, number = Product().times(x), Product()
@@ -307,7 +307,7 @@ def power_of(key: Tree, e: Tree) -> Tree:
             return combine("**", square, ("number", e[1] // 2))
         base = combine("sqrt", square)
     elif key[0] == "number":
-        return key if e == ONE else ("**", key, e)  # evaluated later with any number of digits
+        return key if e == ONE else ("**", key, e)  # the power is evaluated later, with any number of digits
     elif e == HALF:
         return combine("sqrt", key)
     else:

@@ -88,7 +88,7 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
     function = value.tree[1]
     if function == AT_LEAST or all(x is ZERO for x in d):
         return ZERO
-    if function in ("min", "max"):  # (a + b -+ |a - b|)/2
+    if function in ("min", "max"):  # max(a, b) and min(a, b) are (a + b +- |a - b|)/2
         (a, b), (da, db) = of, d
         less = made("sign", a - b) * (da - db)
         return (da + db - less if function == "min" else da + db + less) / 2

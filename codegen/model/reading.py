@@ -41,7 +41,7 @@ SWITCHED = ("expressions", "forces", "outputs")
 
 
 class Reader(Problems):
-    """State of reading one model.
+    """The state of reading one model, and services for the sections.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Reader(Problems):
         self.first_seen: dict[tuple[str, str], str] = {}
         # dicts used as ordered sets: messages list names in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
-        self.allowed["equations"] = self.allowed["parameters"]  # coordinates of a point are added later
+        self.allowed["equations"] = self.allowed["parameters"]  # the coordinates of a point are added later
         self.broken: set[str] = set()
         self.prescribed: dict[str, Tree] = {}
         self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}

@@ -113,7 +113,7 @@ def _check_path(value: Any) -> str:
 
 
 class ShapeEntry(Entry):
-    """Keys of every shape."""
+    """Keys that every shape has."""
 
     center: Vector = Origin
     mass: OptionalExpr = None
@@ -126,7 +126,7 @@ class BoxEntry(ShapeEntry):
 
 
 class LongEntry(ShapeEntry):
-    """Keys of every shape along an axis."""
+    """Keys that every shape along an axis has."""
 
     type: str
     axis: Axis
@@ -203,7 +203,7 @@ def _number_or_vector(value: Any) -> Any:
 _one: Final = TypeAdapter(Expr)
 _three: Final = TypeAdapter(tuple[Expr, Expr, Expr])
 Numbers = Annotated[Any, PlainValidator(_number_or_vector)]
-"""An expression, or three of them: a vector."""
+"""A value that is one expression, or a vector of three."""
 
 
 class ParameterEntry(Entry):
@@ -266,7 +266,7 @@ else:
 
 _KEYED: Final = [measure for measure in MEASURES.values() if measure.keys]
 ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not measure.keys)
-"""Outputs that are written as their name alone."""
+"""Outputs that an entry gives by their name alone."""
 
 
 def _keys_of_outputs() -> dict[str, Any]:
@@ -280,7 +280,7 @@ def _keys_of_outputs() -> dict[str, Any]:
 
 
 def some_of(names: list[str]) -> str:
-    """The names in words: ``a, b or c``."""
+    """Some names in words: ``a, b or c``."""
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
@@ -289,7 +289,7 @@ class _OneMeasure(Entry):
 
     @property
     def measure(self) -> type[Measure]:
-        """The first measure whose key is given."""
+        """The first measure whose key the entry gives."""
         return next(measure for measure in _KEYED if getattr(self, measure.name) is not None)
 
     @model_validator(mode="after")

@@ -108,7 +108,7 @@ ROOTS_APART = TreeFunctions(_with_roots_apart)
 
 
 def _of_product(of: Product, by: Tree) -> Tree:
-    """The derivative of a product, power by power."""
+    """The derivative of a product: the sum of the derivatives of its powers, each times the other powers."""
     total = ZERO
     for key, exponent in of.powers.items():
         rest = of.without(key)
@@ -203,7 +203,7 @@ def is_singular(tree: Tree) -> bool:
     elif kind == "**":
         base, e = tree[1:]
         found = not (e[0] == "number" and (e[1] >= 1 or e[1] == 0)) and not is_positive(base)
-        found = found and not (e[0] == "number" and isinstance(e[1], int))  # a quotient
+        found = found and not (e[0] == "number" and isinstance(e[1], int))  # such a power is a quotient
     return bool(found or any(map(is_singular, parts(tree))))
 
 

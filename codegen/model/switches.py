@@ -38,7 +38,7 @@ KINDS: Final = ("sign", "power", "root", "turn", "point")
 """
 
 BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
-"""Functions with branches."""
+"""Functions of the grammar that have branches."""
 
 PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
 """Functions with a bounded domain. Switches in their argument are held if the argument is inside the domain where its branch
@@ -303,7 +303,7 @@ class Switches:
         return any(map(self._varies, Expression(tree).names))
 
     def _point(self, value: Tree) -> Switch:
-        """The switch of a singular function."""
+        """The switch, without a mode, of a singular function."""
         switch = self._by_value.get(("point", value))
         if switch is None:
             switch = self._by_value["point", value] = Switch(len(self.found), (), value, "point")
@@ -327,7 +327,7 @@ class Switches:
         return True
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
-        """Indices of the switches in a held tree."""
+        """Indices of the switches that a held tree contains."""
         if tree not in self._within:
             names = Expression(tree).names
             self._within[tree] = frozenset(int(n.removeprefix(MODE)) for n in names if n.startswith(MODE))

@@ -77,7 +77,7 @@ class _Output:
         return found
 
     def name(self, name: str) -> Any:
-        """The symbol of a name."""
+        """The sympy symbol of a name."""
         import sympy
 
         given = self.symbols(name) if callable(self.symbols) else self.symbols.get(name)
@@ -103,7 +103,7 @@ class _Output:
         return _OPERATIONS[kind](*map(self.value, tree[1:]))
 
     def call(self, name: str, arguments: tuple[Tree, ...]) -> Any:
-        """The sympy value of a function."""
+        """The sympy value of a function call."""
         import sympy
 
         if name == CHOICE:
@@ -117,7 +117,7 @@ class _Output:
         if name in ("mod", WRAPPED):  # sympy prints products of its own Mod in code as remainders of the product
             return values[0] - values[1] * sympy.floor(values[0] / values[1])
         function = getattr(sympy, TABLE[name].spelled("sympy"))
-        # comparing the arguments may take sympy minutes
+        # comparing these arguments may take sympy minutes
         return function(*values, evaluate=False) if name in ("max", "min") else function(*values)
 
     def condition(self, tree: Tree) -> Any:
@@ -138,13 +138,13 @@ class _Output:
         return sympy.Ne(self.value(tree), 0)
 
     def compared(self, relation: Callable[..., Any], a: Tree, b: Tree) -> Any:
-        """A comparison; for numbers, whether it holds."""
+        """A comparison of two values; of two numbers, the truth value."""
         one, other = self.value(a), self.value(b)
         return relation(one, other, evaluate=bool(one.is_number and other.is_number))
 
 
 def _number(value: Any) -> Any:
-    """A number of sympy; the double nearest to pi becomes pi."""
+    """A sympy number; the double nearest to pi becomes pi."""
     import sympy
 
     return sympy.pi if value == math.pi else sympy.sympify(value)

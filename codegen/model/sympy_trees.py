@@ -94,7 +94,7 @@ def _real(value: Any) -> Any:
 
 @cache
 def _functions() -> dict[Any, str]:
-    """Names in the grammar of sympy functions."""
+    """Functions of sympy, with their names in the grammar."""
     import sympy
 
     return {getattr(sympy, e.spelled("sympy")): e.name for e in TABLE.values()}
@@ -136,7 +136,7 @@ class _Trees:
         self.extents: dict[int, tuple[int, int]] = {}  # by the identity of trees, which `known` keeps alive
 
     def tree(self, e: Any) -> Tree:
-        """The tree of a part."""
+        """The tree of a part of an expression."""
         found = self.known.get(e)
         if found is None:
             found = self.known[e] = self.made(e)
@@ -205,7 +205,7 @@ class _Trees:
         return total
 
     def product(self, e: Any) -> Tree:
-        """A product of powers, as numerator and denominator."""
+        """A product of powers, as a quotient of two products."""
         number, rest = e.as_coeff_Mul()
         above, below = ([], []) if number in (1, -1) else _fraction(abs(number))
         for factor in rest.args if rest.is_Mul else (rest,):
@@ -298,7 +298,7 @@ class _Trees:
         )
 
     def compared(self, a: Any, b: Any) -> Condition:
-        """The condition that a is at least b."""
+        """The tree of the condition that a is at least b."""
         holds: Tree = ("call", AT_LEAST, self.tree(a), self.tree(b))
         return holds, ("-", ONE, holds)
 
@@ -330,7 +330,7 @@ def _is_exact(number: Any) -> bool:
 
 
 def _number(e: Any) -> Tree:
-    """The tree of a constant."""
+    """The tree of a constant number."""
     import sympy
 
     if e is sympy.pi:
@@ -351,6 +351,6 @@ def _number(e: Any) -> Tree:
 
 
 def _shown(e: Any) -> str:
-    """An expression in a message, shortened."""
+    """The text of an expression for a message, shortened."""
     text = str(e)
     return text if len(text) <= 60 else text[:57] + "..."

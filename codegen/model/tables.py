@@ -51,7 +51,7 @@ class Table:
     outside: str
 
     def at(self, argument: Tree) -> Tree:
-        """The expression of the table at an argument."""
+        """The expression of the table's value at an argument."""
         x, y, n, at = self.x, self.y, len(self.x) - 1, Expression(argument)
         origin = x[0] if self.outside == "periodic" else 0.0
         if self.outside == "periodic":

@@ -24,7 +24,7 @@ def parts(tree: Tree) -> tuple[Tree, ...]:
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:
-    """A tree and all trees below it."""
+    """Iterate over a tree and all trees below it."""
     stack = [tree]
     while stack:
         tree = stack.pop()

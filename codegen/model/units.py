@@ -193,7 +193,7 @@ def _dimension(tree: Any, known: Any) -> Any:
 
 
 def _whole(tree: Any) -> Fraction | None:
-    """The exponent, if a tree is a number."""
+    """The value of an exponent that is a number; otherwise None."""
     if tree[0] == "neg":
         inner = _whole(tree[1])
         return None if inner is None else -inner
@@ -201,7 +201,7 @@ def _whole(tree: Any) -> Fraction | None:
 
 
 def _alike(a: Any, b: Any, what: str) -> Any:
-    """The dimension of a sum: that of either term, if it is known."""
+    """The dimension of a sum: the dimension of either term, as far as one is known."""
     for one, other in ((a, b), (b, a)):
         if one is None or one == _PLAIN:
             return other if one == _PLAIN or other != _PLAIN else one

@@ -23,7 +23,7 @@ ALLOWED: Final = {
 
 
 class Known(Protocol):
-    """Known names; see `reading.Reader`."""
+    """The known names that messages need; see `reading.Reader`."""
 
     allowed: dict[str, dict[str, None]]
     inputs: list[str]

@@ -81,7 +81,7 @@ class VisualEntry(PlacedEntry):
 
 
 class _Long(VisualEntry):
-    """A visual along an axis."""
+    """Base class of visuals along an axis."""
 
     axis: Axis = (ZERO, ZERO, ONE)
     length: Expr

@@ -2,7 +2,7 @@
 
 This module contains no mechanics. An engine implements the methods that begin with an underscore.
 """
-# long: a docstring with an example for each of twenty methods
+# long: each of twenty methods has a docstring with an example
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class SymbolicArithmetic(Arithmetic):
         return self.algebra.convert(x if isinstance(x, sympy.Expr) else exact(float(x)))
 
     def function(self, name: str) -> Callable[..., Polynomial]:
-        """The elementary function with a name, of polynomials."""
+        """The elementary function with this name, for polynomials."""
 
         def of(*arguments: Polynomial) -> Polynomial:
             function = sympy.floor if name == "floor" else getattr(sympy, TABLE[name].spelled("sympy"))
@@ -53,7 +53,7 @@ class SymbolicArithmetic(Arithmetic):
         return of
 
     def power(self, x: Polynomial, y: Polynomial) -> Polynomial:
-        """x**y."""
+        """The power x**y of two polynomials."""
         return self.algebra.convert(sympy.Pow(x.short, y.short))
 
     def where_zero(self, x: Polynomial, value: Polynomial, otherwise: Polynomial) -> Polynomial:

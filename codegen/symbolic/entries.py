@@ -13,7 +13,7 @@ LONGEST = 400
 """A sum of more terms is computed in parts: compilers limit how deep operators are nested."""
 
 LARGEST = 2**53
-"""Whole numbers up to this one are exact as floats."""
+"""Largest integer up to which all integers are exact as floats."""
 
 
 def needed(

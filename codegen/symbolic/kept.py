@@ -66,12 +66,12 @@ class Kept:
 
 
 def symbol(name: str) -> sympy.Symbol:
-    """A real symbol."""
+    """A real sympy symbol with this name."""
     return sympy.Symbol(name, real=True)
 
 
 def kept(store: Store, component: str) -> sympy.Expr:
-    """The symbol ``STORE.COMPONENT`` of a stored component."""
+    """The symbol of a stored component, named ``STORE.COMPONENT``."""
     return symbol(f"{store.plain.label}.{component}")
 
 

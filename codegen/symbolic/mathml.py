@@ -12,7 +12,7 @@ from sympy.logic.boolalg import And, BooleanFalse, BooleanTrue, Not, Or
 from .names import GREEK_LETTERS, parts_of
 
 SUM, PRODUCT, ATOM = range(3)
-"""Binding strength of expressions."""
+"""How strongly expressions bind: sums least, atoms most."""
 
 NAMES = {"Abs": "abs", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "atan2", "Max": "max", "Min": "min",
          "Mod": "mod", "log": "ln", "sign": "sign", "floor": "floor"}  # fmt: skip
@@ -22,17 +22,17 @@ RELATIONS = {">=": "≥", "<=": "≤", ">": "&gt;", "<": "&lt;", "==": "=", "!="
 
 
 def row(*parts: str) -> str:
-    """Several elements joined into one."""
+    """MathML of several elements in one row."""
     return parts[0] if len(parts) == 1 else f"<mrow>{''.join(parts)}</mrow>"
 
 
 def operator(sign: str) -> str:
-    """An operator."""
+    """MathML of an operator."""
     return f"<mo>{sign}</mo>"
 
 
 def table(rows: Iterable[Iterable[str]], attributes: str) -> str:
-    """Rows of cells."""
+    """MathML of a table, from rows of cells."""
     lines = "".join(f"<mtr>{''.join(f'<mtd>{cell}</mtd>' for cell in cells)}</mtr>" for cells in rows)
     return f'<mtable displaystyle="true" {attributes}>{lines}</mtable>'
 
@@ -54,7 +54,7 @@ def word(text: str) -> str:
 
 
 def scripts(base: str, below: str = "", above: str = "") -> str:
-    """A base with a subscript and a superscript."""
+    """MathML of a base with a subscript and a superscript."""
     if below and above:
         return f"<msubsup>{base}{below}{above}</msubsup>"
     if below:
@@ -84,7 +84,7 @@ def decimal_parts(e: sympy.Rational) -> tuple[str, int]:
 
 
 class MathML:
-    """Prints expressions.
+    """Prints sympy expressions as MathML.
 
     Parameters
     ----------
@@ -96,11 +96,11 @@ class MathML:
         self.symbol = symbol
 
     def __call__(self, e: sympy.Basic) -> str:
-        """The element of an expression."""
+        """The MathML element of an expression."""
         return self._printed(e)[0]
 
     def formula(self, *parts: str) -> str:
-        """A formula on a line of its own."""
+        """MathML of a formula on a line of its own."""
         return f'<math xmlns="http://www.w3.org/1998/Math/MathML" displaystyle="true">{row(*parts)}</math>'
 
     def matrix(self, of: sympy.MatrixBase) -> str:

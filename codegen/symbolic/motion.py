@@ -259,7 +259,7 @@ def _evaluation(
             if len(value) != len(symbols):
                 raise SymbolicError(f"{name} has {len(value)} entries, expected {len(symbols)}")
             numbers += list(value)
-        with np.errstate(divide="ignore", invalid="ignore"):  # unused branches of piecewise expressions
+        with np.errstate(divide="ignore", invalid="ignore"):  # branches of piecewise expressions that are not used
             entries = computed(*numbers, t)
         return {
             name: np.array(x, dtype=float).reshape(shape)
@@ -435,7 +435,7 @@ def _assembled(model: Model, engine: SymbolicEngine, form: str, given: Collectio
     if engine.symbolic.algebra.most_products is not None and size > MOST_TERMS:
         raise TooLargeError(f"{size} terms")
     if form == "embedded":
-        if not engine.intermediates:  # the products are not multiplied out
+        if not engine.intermediates:  # without intermediate variables, no products are multiplied out
             arrays = {name: matrix_of(of) for name, of in arrays.items()}
         M, S, remainder = arrays["M"], arrays["S"], arrays["remainder"]
         arrays |= {"M": S.T @ M @ S, "forcing": S.T @ (arrays["forcing"] - M @ remainder)}

@@ -16,7 +16,7 @@ GREEK_LETTERS = dict(
         strict=True,
     )
 )
-"""Words that are set as Greek letters."""
+"""Words that are typeset as Greek letters."""
 
 ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p": ""}
 """First parts of dotted names, with the letters for typesetting; parameters have their own names."""
@@ -42,7 +42,7 @@ def parts_of(name: str) -> tuple[str, str, bool, bool]:
 
 
 def latex_name(name: str) -> str:
-    """A name in LaTeX."""
+    """The typeset form of a name, in LaTeX."""
     base, below, is_rate, is_seed = parts_of(name)
     letter = latex_word(base)
     if is_rate:

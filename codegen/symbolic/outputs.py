@@ -31,7 +31,7 @@ class Outputs(dict[str, sympy.Expr]):
 
     @staticmethod
     def of(engine: SymbolicEngine) -> Outputs:
-        """The outputs of an engine's model."""
+        """The outputs of the model of an engine."""
         found = Outputs()
         for output in engine.model.outputs:
             try:

@@ -35,7 +35,7 @@ WIDTH = 110
 
 
 def page(title: str, body: Iterable[str]) -> str:
-    """A page of HTML."""
+    """The text of a page of HTML with a title."""
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>\n'
         f"<style>{STYLE}</style>\n</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
@@ -43,7 +43,7 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def _sum(printer: MathML, value: sympy.Expr) -> str:
-    """A value, a long sum on several lines."""
+    """The MathML of a value; a long sum takes several lines."""
     if not value.is_Add:
         return printer(value)
     rows: list[list[str]] = [[]]
@@ -184,7 +184,7 @@ HEADINGS = {"law": "Equations", "vectors": "Coordinates and speeds",
 
 
 def equations_page(found: Equations) -> str:
-    """The page of the equations of motion."""
+    """The page of the equations of motion, as HTML."""
     body, before = [f"<h1>Equations of motion of {escape(found.name)}</h1>"], ""
     for heading, formula in equation_lines(found):
         if heading != before:
@@ -199,7 +199,7 @@ def equations_page(found: Equations) -> str:
 
 
 def equations_mathml(found: Equations) -> str:
-    """The formulas alone, one a line."""
+    """The formulas of the equations in MathML, one on each line."""
     return "\n".join(formula for _, formula in equation_lines(found)) + "\n"
 
 

@@ -98,11 +98,11 @@ class Algebra:
     # --- polynomials ----------------------------------------------------------------------------------------------
 
     def constant(self, value: int | Fraction) -> Polynomial:
-        """A rational number."""
+        """The polynomial of a rational number."""
         return Polynomial(self, {(): value} if value else {})
 
     def atom(self, expression: sympy.Expr) -> Polynomial:
-        """The polynomial of one atom."""
+        """The polynomial that consists of one atom."""
         return Polynomial(self, {((self._number(expression), 1),): 1})
 
     def _number(self, expression: sympy.Expr) -> int:
@@ -223,7 +223,7 @@ class Algebra:
         return result * self.atom(atom.expression) if rest else result
 
     def product(self, a: Terms, b: Terms) -> Terms:
-        """The terms of a product."""
+        """The terms of the product of two polynomials."""
         self.made += len(a) * len(b)
         if self.most_products is not None and self.made > self.most_products:
             raise TooManyProductsError
@@ -268,7 +268,7 @@ class Algebra:
         )
         content = -content if first < 0 else content
         inverse = Polynomial(self, {tuple((a, -e) for a, e in sorted(common.items())): 1 / content})
-        inverse = inverse * self.constant(1)  # rules for inverse powers
+        inverse = inverse * self.constant(1)  # needed to apply the rules for inverse powers
         if len(p.terms) == 1:
             return inverse
         rest = p * inverse

@@ -31,7 +31,7 @@ from .kept import ARGUMENTS, Kept, Namer, Names, of_constants
 from .polynomials import exact
 
 PRIMITIVE = "primitive"
-"""The tag of derivative primitives."""
+"""The tag of statements that are derivative primitives."""
 
 IN_TITLE = re.compile(r"\((Eqs?\. [^)]*)\)")
 
@@ -58,7 +58,7 @@ def tag_of_sweep(sweep: str, title: str, each_direction: bool) -> str:
 
 @dataclass(frozen=True)
 class Assignment:
-    """One statement.
+    """One statement of a solver.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class SweepOfUnits:
-    """One pass over all units.
+    """One pass over all units of a model.
 
     Attributes
     ----------
@@ -334,7 +334,7 @@ class _Reader:
         self, target: sympy.Symbol, value: sympy.Expr, tag: str, *, is_primitive: bool = False, each: bool = False,
         adds: bool = False,
     ) -> Assignment:  # fmt: skip
-        """An assignment with the next number."""
+        """Make the assignment with the next number."""
         self.number += 1
         return Assignment(self.number, target, value, tag, is_primitive, each, adds)
 
@@ -354,7 +354,7 @@ def _says_something(block: Block) -> bool:
 
 
 class _Converter:
-    """Expressions of statements as those of sympy.
+    """Converts expressions of statements to those of sympy.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def mathml_symbol(unit: Unit, symbol: sympy.Symbol) -> str:
 
 
 def latex_symbol(unit: Unit, symbol: sympy.Symbol) -> str:
-    """A symbol of a statement in LaTeX."""
+    """The typeset form of a statement's symbol, in LaTeX."""
     of = unit.kept.get(symbol)
     if of is None:
         if ARGUMENT.fullmatch(symbol.name) or "." in symbol.name:
@@ -89,7 +89,7 @@ def as_latex(found: Recursion) -> str:
 
 
 class StatementPrinter(LatexPrinter):
-    """Prints fractions of large numbers as decimals."""
+    """Prints expressions, with fractions of large numbers as decimals."""
 
     def _print_Rational(self, expr: sympy.Rational) -> str:
         if not is_decimal(expr):

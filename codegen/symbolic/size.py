@@ -86,7 +86,7 @@ def most_terms(model: Model, parameters: Mapping[str, Any]) -> float:
             degrees = {v: max(own.get(v, 0), degrees.get(v, 0)) for v in own | degrees}
         monomials = (
             2.0 * d + 1 if v.is_Function else d + 1.0 for v, d in degrees.items()
-        )  # sines to the first power at most
+        )  # sines occur to the first power at most
         return min(total, math.prod(monomials)), degrees
 
     for a, value in algebra.definitions.items():

@@ -99,14 +99,14 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def bodies(self) -> list[Terms]:
-        """The kinematic sweep at `state`."""
+        """The bodies at `state`, from the kinematic sweep."""
         return super()._motion(self.state)
 
     def _motion(self, state: State) -> list[Terms]:
         return self.bodies if state is self.state else super()._motion(state)
 
     def _accelerations(self, state: State) -> Pair:
-        """The accelerations: symbols, and prescribed values."""
+        """All accelerations: symbols, and the values of prescribed ones."""
         return self._with_accelerations(self._of_speeds("udot", self.udot, None, state.pairs), state.pairs)
 
     def _closed_speeds(self, state: State) -> Pair:
@@ -138,7 +138,7 @@ class SymbolicEngine(RecursiveEngine):
             raise SymbolicError(str(error)) from None
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
-        """Kinetic energy from the mass matrix."""
+        """The energies of a state; the kinetic energy follows from the mass matrix."""
         pairs, u = state.pairs, state.u.value
         potential = pairs.matrix([[self._potential(pairs, motion)]])
         for b in motion[: len(self.model.bodies)]:
@@ -169,11 +169,11 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def seen(self) -> Seen:
-        """Motions and sums that outputs read."""
+        """Motions of bodies and sums over them, which outputs read."""
         return self._seen(self.state)
 
     def output(self, output: Output) -> Polynomial:
-        """The value of an output."""
+        """The value of an output as a polynomial."""
         value: Polynomial = VALUES[output.measure](output, self.seen).value
         return value
 
@@ -202,7 +202,7 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def _every_condition(self) -> Constraints:
-        """All conditions, including redundant ones."""
+        """All closing conditions, including redundant ones."""
         pairs, model, bodies = self.state.pairs, self.model, self.bodies
         speeds = tuple(range(model.nu))
         tree = Group(tuple(model.outward), (), (), (), speeds)

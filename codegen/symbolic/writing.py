@@ -37,7 +37,7 @@ LATEX_LAWS = {
 
 LETTERS = {"M": "M", "forcing": "f", "qdot": "\\dot{q}", "position": "\\Phi", "J": "J", "rate": "b", "drift": "d", "S": "S",
            "s": "s", "remainder": "r"}  # fmt: skip
-"""Names of matrices in typeset equations."""
+"""Letters of the matrices in typeset equations."""
 
 
 def entries(found: Equations, name: str) -> Iterator[tuple[int, int, sympy.Expr]]:
@@ -153,7 +153,7 @@ class _Latex:
 
 
 class _PythonPrinter(StrPrinter):
-    """Prints symbols as identifiers and fractions exactly."""
+    """Prints expressions as Python code: symbols as identifiers, and exact fractions."""
 
     def __init__(self, names: dict[sympy.Symbol, str]) -> None:
         super().__init__()

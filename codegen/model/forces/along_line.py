@@ -72,7 +72,7 @@ def _field(key: str) -> str:
 
 
 def element_of(law: LineLaw) -> type[AlongLine]:
-    """The element class of a law."""
+    """The element class of a force law along a line."""
     name = "".join(map(str.capitalize, law.type.split("_")))
     contents = {
         "__slots__": (), "__module__": __name__, "__doc__": law.meaning,
@@ -82,7 +82,7 @@ def element_of(law: LineLaw) -> type[AlongLine]:
 
 
 def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
-    """The entry class for an element class."""
+    """The entry class that belongs to an element class."""
     law = element.law
     fields: dict[str, Any] = {"type": (Literal[law.type], ...)}
     for key, c in law.coefficients.items():
@@ -98,7 +98,7 @@ def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
 
 
 ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name, law in LINE_LAWS.items()}
-"""Element classes by type."""
+"""Element classes of laws along a line, by type."""
 
 globals().update(
     {element.__name__: element for element in ALONG_LINES.values()}

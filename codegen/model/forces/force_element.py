@@ -58,7 +58,7 @@ class ForceElement:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Further remarks for reports."""
+        """Further properties of the element, in words, for reports."""
         return ()
 
     @property
@@ -89,4 +89,4 @@ class ForceEntry(Entry):
 
     @abstractmethod
     def read(self, x: EntryReader) -> ForceElement | None:
-        """The element; None after an error."""
+        """The element that the entry describes; None after an error."""

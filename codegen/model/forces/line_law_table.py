@@ -19,7 +19,7 @@ END: Final = "<!-- end of the laws along a line -->\n"
 
 
 def table() -> str:
-    """The lines between `BEGIN` and `END`, in Markdown."""
+    """The table in Markdown: the lines between `BEGIN` and `END`."""
     lines = ["| type | what it is | keys | force, N | energy, J |", "| --- | --- | --- | --- | --- |"]
     for law in LINE_LAWS.values():
         keys = "; ".join(_words(key, c) for key, c in law.coefficients.items())
@@ -29,7 +29,7 @@ def table() -> str:
 
 
 def with_table(page: str) -> str:
-    """The page with the table updated.
+    """The text of a page with its table updated.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Bodies and their joints."""
+"""Reads bodies and their joints."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class JointOf(NamedTuple):
 
 
 class Joints(dict[str, JointOf]):
-    """The joints of bodies without errors, by name."""
+    """The joints of all bodies that have no errors, by name."""
 
     def __init__(self, bodies: BodySection) -> None:
         super().__init__(

@@ -14,7 +14,7 @@ from .meaning import Meaning
 
 
 def read_forces(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[ForceElement]:
-    """Read the force elements in their order."""
+    """Read the force elements, in the order of the file."""
     result = []
     for at, name, spec in reader.entries("forces", AnyForce, "force", "force"):
         element = None if spec is None else spec.read(Meaning(reader, at, name or "", bodies, points))

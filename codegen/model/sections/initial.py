@@ -1,4 +1,4 @@
-"""Initial coordinates and speeds."""
+"""Reads initial coordinates and speeds."""
 
 from __future__ import annotations
 

@@ -16,7 +16,8 @@ from .coordinates import Joints, values_of
 
 
 def read_motion(reader: Reader, bodies: BodySection) -> dict[str, Expression]:
-    """Prescribed coordinates with their functions, which from then on replace ``q.NAME`` and ``u.NAME`` in expressions."""
+    """Read prescribed coordinates; in expressions that are read later, their functions replace ``q.NAME`` and
+    ``u.NAME``."""
     joints = Joints(bodies)
     found: dict[str, Expression] = {}
     for at in reader.section("motion"):

@@ -50,7 +50,7 @@ def check_named_expressions(reader: Reader, found: list[tuple[Instance, Expressi
         before = reader.errors
         reader.bound(expression, at, (), "measured")
         if reader.errors > before:
-            at.part.stands_for(reader.local_name(at), ZERO.tree)  # this name has already been reported
+            at.part.stands_for(reader.local_name(at), ZERO.tree)  # the error in this name has already been reported
 
 
 def warn_of_unused(reader: Reader, what: str, found: Iterable[Instance]) -> None:

@@ -1,4 +1,4 @@
-"""Tables: functions of one number, given by points."""
+"""Reads tables: functions of one number, given by points."""
 
 from __future__ import annotations
 

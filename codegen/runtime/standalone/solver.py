@@ -4,7 +4,7 @@ Most methods call one function of the generated code by `Package._call`. Methods
 classes in the folders beside this file. A package contains only the sections of this class that its functions need. Comments
 ``-- name --`` mark the sections, and `codegen.runtime.sections` lists the functions that need them.
 """
-# long: a signature and a docstring for each of fifty methods
+# long: each of fifty methods has a signature and a docstring
 
 from __future__ import annotations
 
@@ -1867,7 +1867,7 @@ class Solver(Package):
         >>> run.outputs.shape
         (101, 6)
         """
-        # long: eighteen arguments, each with its meaning
+        # long: the docstring describes every argument
         settings = Settings(method, rtol, atol, step, largest_step, most_steps, atol_sensitivities)
         return self._motions.simulate(
             t, Start(q, u, p, inputs, sensitivities, dq0, du0), settings, events, progress, on_failure
@@ -1928,7 +1928,7 @@ class Solver(Package):
         >>> found.gradients.shape
         (2, 2)
         """
-        # long: seventeen arguments, each with its meaning
+        # long: the docstring describes every argument
         settings = Settings(integrator, rtol, atol, step, largest_step, most_steps, keyword="integrator")
         return self._motions.judge(t, functionals, Start(q, u, p, inputs, wrt, dq0, du0), method, settings, memory)
 

@@ -113,7 +113,7 @@ typedef struct {
     double inertia_zz_d0; /* inertia about the origin, kg m^2 */
 } constants_of_shape_0;
 
-/* A link, for one call. */
+/* Values of a link in one call. */
 typedef struct {
     double position_z; /* position of the origin, m */
     double attitude_zz; /* rotation matrix, ground from link components */

@@ -1,6 +1,6 @@
 /* Sweeps and functions over WIDTH directions at once. Included by pendulum.c once for every width. */
 
-/* A link, for every direction. */
+/* Values of a link per direction. */
 typedef struct {
     LANES moment_y; /* moment about the origin and force that a link's motion with udot = 0 requires, [N m, N] */
     LANES right_side_0; /* driving force of a degree of freedom over its inertia (Eq. 53), u/s^2 */

@@ -1,4 +1,4 @@
-"""A given force along a line."""
+"""A force along a line that an expression gives."""
 
 from ..line_law import Coefficient, LineLaw
 

@@ -238,7 +238,7 @@ class Linearization:
         >>> solver.linearize([0.0, 0.0]).eigenvalue_sensitivities("length_1").round(3)
         array([[0.001+0.974j, 0.001-0.974j, 0.19 +1.783j, 0.19 -1.783j]])
         """
-        # long: its formula is derived in the docstring
+        # long: the docstring derives the formula
         dA = self.sensitivities(parameters, moving=moving).A
         values, right = self._solved()
         repeated = _repeated(self.A, values, right)

@@ -1,5 +1,5 @@
 """The result of a simulation: a motion over time, with outputs and derivatives, under the names of the model."""
-# long: a docstring with an example for each of twenty methods
+# long: each of twenty methods has a docstring with an example
 
 from __future__ import annotations
 
