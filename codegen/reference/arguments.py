@@ -20,7 +20,7 @@ from .arithmetic import Arithmetic, Array
 from .pairs import Pair, Pairs
 
 ALONG = ("dq", "du", "dp", "dinputs", "dt")
-"""Seeds, in the order of arguments."""
+"""Names of seeds, in the order of the arguments."""
 
 INCONSISTENT = 1e-6
 """Fraction of the speeds or seeds above which the residual of a redundant condition is reported."""
@@ -51,7 +51,7 @@ class State:
     u: Pair
 
     def moved(self, model: Model, q: Pair, u: Pair) -> State:
-        """These arguments with other coordinates and speeds."""
+        """The same arguments with other coordinates and speeds."""
         environment = dict(self.pairs.environment)
         environment |= {f"q.{name}": q[i, 0] for i, name in enumerate(model.coordinate_names)}
         environment |= {f"u.{name}": u[i, 0] for i, name in enumerate(model.speed_names)}
@@ -182,7 +182,7 @@ class Arguments(ABC):
         return found[0], found[1]
 
     def _prescribed_accelerations(self, pairs: Pairs) -> Pair:
-        """Prescribed values, (n, 1)."""
+        """The accelerations of prescribed coordinates, (n, 1)."""
         return pairs.vector([x.values[2] for x in self.given.prescribed])
 
     def _with_accelerations(self, udot: Pair, pairs: Pairs) -> Pair:
@@ -279,7 +279,7 @@ class Arguments(ABC):
 
     @abstractmethod
     def _coordinate_rates(self, state: State) -> Pair:
-        """qdot, (nq, 1)."""
+        """The time derivatives qdot of the coordinates, (nq, 1)."""
 
 
 def flat(column: Pair) -> tuple[Array, Array]:

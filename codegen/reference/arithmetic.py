@@ -62,7 +62,7 @@ class Arithmetic:
             return np.float64(x)
         if self.numbers == "decimal":
             return _decimal(x)
-        if hasattr(x, "_mpf_"):  # also of another mpmath context
+        if hasattr(x, "_mpf_"):  # numbers of other mpmath contexts also have this attribute
             return mpmath.mp.make_mpf(x._mpf_)
         return mpmath.mpf(int(x)) if isinstance(x, (int, np.integer)) else mpmath.mpf(float(x))
 
@@ -153,12 +153,12 @@ class Arithmetic:
         n = len(A)
         L, d = self.ldl(A, scale)
         X = self.eye(n)
-        for i in range(n):  # L Y = U
+        for i in range(n):  # solves L Y = U
             for j in range(i):
                 X[i] = X[i] - L[i, j] * X[j]
-        for i in range(n):  # D Z = Y
+        for i in range(n):  # solves D Z = Y
             X[i] = X[i] / d[i]
-        for i in reversed(range(n)):  # L^T X = Z
+        for i in reversed(range(n)):  # solves L^T X = Z
             for j in range(i + 1, n):
                 X[i] = X[i] - L[j, i] * X[j]
         return X
@@ -236,7 +236,7 @@ def _decimal(x: Any) -> Decimal:
         return Decimal(int(x) if isinstance(x, (int, np.integer)) else float(x))
     sign, mantissa, exponent, _ = x._mpf_
     if not mantissa:
-        return Decimal(float(x))  # zero, NaN or infinity
+        return Decimal(float(x))  # x is zero, NaN or infinite
     return (-1) ** sign * Decimal(int(mantissa)) * Decimal(2) ** exponent
 
 

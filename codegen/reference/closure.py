@@ -358,12 +358,12 @@ def closed_motion(
 
 def rotation_only(R: Pair) -> Pair:
     """The small rotation of R by dR, (3, 1), in the components that result from R: a pair without value."""
-    W = R.tangent @ R.value.mT  # skew
+    W = R.tangent @ R.value.mT  # a skew matrix
     return Pair(0 * R.value[:, :1], np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)[..., None])
 
 
 def shift_only(x: Pair) -> Pair:
-    """The displacement dx, as a pair without value."""
+    """The displacement dx of a body, as a pair without value."""
     return Pair(0 * x.value, x.tangent)
 
 

@@ -132,7 +132,7 @@ def conditions(
 
 
 def side(pairs: Pairs, face: Face, frame: Frame, freedoms: Freedoms, u: Pair) -> Side:
-    """A face, from the frame of its body."""
+    """The face of a loop joint, from the frame of its body."""
     index = np.array(frame.freedoms, dtype=int)
     x, v = frame.point(pairs.vector(face.at))
     J_w, J_v = freedoms.w[index], freedoms.partial_velocities(index, x)
@@ -196,7 +196,7 @@ def _on_point(pairs: Pairs, loop: PointCondition, s: Side, e: Side, length: floa
         value = (r @ r.mT - l @ l) * (pairs.number(1) / pairs.number(2))
         found = [(value, r, r @ (e.J_v - s.J_v).mT, r @ (e.a - s.a).mT + v @ v.mT)]
     else:
-        seen = v - cross(s.omega, r)  # from the start face
+        seen = v - cross(s.omega, r)  # velocity as seen from the start face
         a = e.a - s.a - cross(s.alpha, r) - cross(s.omega, cross(s.omega, r)) - cross(s.omega, seen) * pairs.number(2)
         found = []
         for f in loop.surfaces:

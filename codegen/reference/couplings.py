@@ -22,7 +22,7 @@ from .terms import Terms
 
 @dataclass(slots=True)
 class CoupledTerm:
-    """A coordinate in a coupling.
+    """A coordinate of a coupling, with its factor and the row that gives its speed.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class CoupledCut:
         return total
 
     def residual(self, pairs: Pairs, q: Pair) -> Pair:
-        """The residual for coordinates (nq, 1), (1, 1)."""
+        """The residual of the coupling at coordinates (nq, 1), (1, 1)."""
         total = -pairs.matrix([[self.offset]])
         for term in self.terms:
             total = total + q[term.q : term.q + 1] * term.factor

@@ -356,7 +356,7 @@ class DenseEngine(Engine):
     # --- M, K and energies ----------------------------------------------------------------------------------------
 
     def _mass_matrix(self, state: State) -> Pair:
-        """M of Eq. 4, (nu, nu)."""
+        """The mass matrix M of Eq. 4, (nu, nu)."""
         pairs, nu = state.pairs, self.model.nu
         frames, freedoms = self._motion(state)
         M = pairs.zeros(nu, nu)
@@ -370,7 +370,7 @@ class DenseEngine(Engine):
         return M + pairs.diagonal(self._armature(pairs))
 
     def _right_side(self, state: State) -> Pair:
-        """K of Eq. 4, (nu, 1)."""
+        """The right side K of Eq. 4, (nu, 1)."""
         pairs = state.pairs
         frames, freedoms = self._motion(state)
         K = pairs.zeros(self.model.nu, 1)

@@ -70,7 +70,7 @@ def embed(
     rotors: Pair,
     pairs: Pairs,
 ) -> Pair:
-    """udot, (nu, 1), of a model with loops.
+    """The accelerations udot, (nu, 1), of a model with loops.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def motion_of_members(
 
 
 def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequence[Eliminated], pairs: Pairs) -> Pair:
-    """udot, (nu, 1), outward, Eqs. 53 to 60."""
+    """The accelerations udot, (nu, 1), by the outward sweep of Eqs. 53 to 60."""
     udot = pairs.zeros(model.nu, 1)
     A_bar: dict[int, Pair] = {}
     for group, e in zip(groups, eliminated, strict=True):
@@ -231,6 +231,6 @@ def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequenc
 
 
 def _add(matrix: Pair, rows: slice | Array, columns: slice, block: Pair) -> None:
-    """matrix[rows, columns] += block, in place."""
+    """Add a block to a matrix in place: matrix[rows, columns] += block."""
     matrix.value[rows, columns] += block.value
     matrix.tangent[:, rows, columns] += block.tangent

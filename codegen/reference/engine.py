@@ -817,15 +817,15 @@ class Engine(Arguments):
 
     @abstractmethod
     def _mass_matrix(self, state: State) -> Pair:
-        """M, (nu, nu)."""
+        """The mass matrix M, (nu, nu)."""
 
     @abstractmethod
     def _solve_mass(self, state: State, b: Pair) -> Pair:
-        """M^-1 b, (nu, 1)."""
+        """The solution M^-1 b, (nu, 1)."""
 
     @abstractmethod
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
-        """M udot - K, (nu, 1)."""
+        """The joint forces M udot - K, (nu, 1), without the model's own."""
 
     @abstractmethod
     def _motion(self, state: State) -> Any:
@@ -833,7 +833,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _energies(self, state: State, motion: Any) -> tuple[Pair, Pair]:
-        """Kinetic and potential energy, (1, 1) each."""
+        """Kinetic and potential energy of the state, (1, 1) each."""
 
     @abstractmethod
     def _point(self, motion: Any, body: int, at: Pair) -> tuple[Pair, Pair]:
@@ -906,7 +906,7 @@ class Engine(Arguments):
         return total
 
     def _outputs(self, state: State) -> Pair:
-        """The outputs, (noutputs, 1)."""
+        """The values of all outputs, (noutputs, 1)."""
         seen = self._seen(state)
         return seen.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 

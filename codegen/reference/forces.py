@@ -82,7 +82,7 @@ class Law(Generic[E]):
     """
 
     def wrenches(self, element: E, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
-        """The loads on the bodies, by attachment point."""
+        """The loads on the bodies, one for each attachment point."""
         return [Wrench() for _ in ends]
 
     def on_speeds(self, element: E, pairs: Pairs) -> dict[int, Pair]:
@@ -317,7 +317,7 @@ class BushingLaw(Law[Bushing]):
 
 
 def _times(pairs: Pairs, a: Pair, b: Pair) -> Pair:
-    """Component by component."""
+    """The product of two columns, component by component."""
     return pairs.column([a[i, 0] * b[i, 0] for i in range(3)])
 
 

@@ -31,7 +31,7 @@ from .pairs import Pair, Pairs
 
 @dataclass(slots=True)
 class Frame:
-    """A body in the ground frame.
+    """The frame of a body, with its motion relative to the ground.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
 
         # The joint frame is fixed in the parent; its origin moves with it.
         arm = pairs.vector(joint.at).mT @ parent.R.mT
-        A = parent.R @ placement(pairs, joint.rotation)  # joint frame components into ground components
+        A = parent.R @ placement(pairs, joint.rotation)  # from joint frame components to ground components
         o, v = parent.o + arm, parent.v + cross(parent.omega, arm)
         body_axes = [pairs.unit(pairs.vector(axis)).mT for axis in joint.axes]
 
@@ -130,7 +130,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
                     v = v + cross(omega, way) + u[j : j + 3].mT @ R.mT
                     l[j : j + 3] = [R[:, n : n + 1].mT for n in range(3)]
         for m in joint.kind.motion:
-            if isinstance(m, Displacement):  # along axes of the body
+            if isinstance(m, Displacement):  # the displacement is along axes of the body
                 l_rate[m.speed : m.speed + 3] = [cross(omega, l[m.speed + n]) for n in range(3)]
         for i, *row in zip(speeds, w, l, points, w_rate, l_rate, point_rates, strict=True):
             rows[i] = row

@@ -171,7 +171,7 @@ def distance(output: Output, seen: Seen) -> Pair:
 
 
 def value(output: Output, seen: Seen) -> Pair:
-    """The value of the output's expression."""
+    """The value of an output that is an expression."""
     assert output.expression is not None
     return seen.pairs.expression(output.expression)
 

@@ -51,7 +51,7 @@ class Pair:
         return Pair(self.value * other.value, da * other.value + self.value * db)
 
     def __truediv__(self, other: Pair) -> Pair:
-        """Quotient of numbers."""
+        """Quotient of two numbers."""
         value = self.value / other.value
         return Pair(value, (self.tangent - value * other.tangent) / other.value)
 
@@ -62,7 +62,7 @@ class Pair:
         return Pair(self.value**exponent, exponent * self.value ** (exponent - 1) * self.tangent)
 
     def __bool__(self) -> bool:
-        """Whether all numbers differ from zero."""
+        """Whether all numbers of the value differ from zero."""
         return bool(self.value)
 
     def __matmul__(self, other: Pair) -> Pair:
@@ -78,13 +78,13 @@ class Pair:
 
     @property
     def mT(self) -> Pair:
-        """The transposed matrix."""
+        """The transpose of a matrix."""
         return Pair(self.value.mT, self.tangent.mT)
 
 
 def skew(v: Array) -> Array:
     """The matrix of the cross product, v x: (..., 3, 1) to (..., 3, 3)."""
-    result = 0 * (v + v.mT)  # zeros of the same number type
+    result = 0 * (v + v.mT)  # zeros of the number type of v
     x, y, z = v[..., 0, 0], v[..., 1, 0], v[..., 2, 0]
     result[..., 0, 1], result[..., 0, 2] = -z, y
     result[..., 1, 0], result[..., 1, 2] = z, -x
@@ -118,16 +118,16 @@ class Pairs:
     # --- numbers and matrices -------------------------------------------------------------------------------------
 
     def number(self, x: Any) -> Pair:
-        """A constant number."""
+        """A number with zero derivatives."""
         return Pair(self.arithmetic.number(x), self._zero)
 
     def constant(self, x: Any) -> Pair:
-        """A constant matrix, (r, c)."""
+        """A matrix with zero derivatives, (r, c)."""
         value = self.arithmetic.array(x)
         return Pair(value, self.arithmetic.zeros(self.k, *value.shape))
 
     def zeros(self, *shape: int) -> Pair:
-        """A matrix of zeros."""
+        """A matrix of zeros, (r, c)."""
         return self.constant(np.zeros(shape, dtype=int))
 
     def eye(self, n: int) -> Pair:
@@ -135,7 +135,7 @@ class Pairs:
         return self.constant(np.eye(n, dtype=int))
 
     def matrix(self, rows: Sequence[Sequence[Pair]]) -> Pair:
-        """A matrix of numbers, (r, c)."""
+        """A matrix made of number pairs, (r, c)."""
         value = np.empty((len(rows), len(rows[0])), self.arithmetic.dtype)
         tangent = np.empty((self.k, *value.shape), self.arithmetic.dtype)
         for i, row in enumerate(rows):
@@ -144,11 +144,11 @@ class Pairs:
         return Pair(value, tangent)
 
     def column(self, entries: Sequence[Pair]) -> Pair:
-        """A column of numbers, (r, 1)."""
+        """A column made of number pairs, (r, 1)."""
         return self.matrix([[x] for x in entries]) if entries else self.constant(np.zeros((0, 1), int))
 
     def block(self, rows: Sequence[Sequence[Pair]]) -> Pair:
-        """A block matrix."""
+        """A matrix made of blocks."""
         return Pair(np.block([[x.value for x in r] for r in rows]), np.block([[x.tangent for x in r] for r in rows]))
 
     def diagonal(self, column: Pair) -> Pair:
@@ -166,7 +166,7 @@ class Pairs:
         return (a.mT @ b)[0, 0]
 
     def unit(self, v: Pair) -> Pair:
-        """A column divided by its length."""
+        """The unit vector along a column."""
         return v * (self.number(1) / self.call("sqrt", self.dot(v, v)))
 
     # --- functions ------------------------------------------------------------------------------------------------
@@ -253,5 +253,5 @@ class Pairs:
         return Pairs(self.arithmetic, 0, names).expression(Expression(tree)).value
 
     def vector(self, expressions: Sequence[Expression]) -> Pair:
-        """A column of model expressions."""
+        """A column whose entries are model expressions."""
         return self.column([self.expression(e) for e in expressions])

@@ -139,7 +139,7 @@ class RecursiveEngine(Engine):
         return articulated
 
     def _back_substitution(self, bodies: list[Terms], articulated: list[Articulated]) -> Pair:
-        """udot, (nu, 1), outward, Eqs. 53 to 56."""
+        """The accelerations udot, (nu, 1), by the outward sweep of Eqs. 53 to 56."""
         model, pairs = self.model, self._constants(bodies)
         udot = pairs.zeros(model.nu, 1)
         A_bar = [pairs.zeros(6, 1)] * len(bodies)  # Eq. 56: the ground's acceleration stays zero

@@ -10,7 +10,7 @@ from .pairs import Pair, Pairs
 
 @dataclass(slots=True)
 class SurfaceAt:
-    """A function at a position ``(3, 1)``.
+    """A function of a point's position, evaluated at a position ``(3, 1)``.
 
     Attributes
     ----------

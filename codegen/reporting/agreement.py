@@ -222,7 +222,7 @@ class Range:
 
 
 def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, Range]]:
-    """Ranges of all times by name."""
+    """The ranges of all times in a report, by name."""
 
     def of(record: Mapping[str, Any]) -> Range:
         return Range(record["least"], record["high"], Beside.of(record))

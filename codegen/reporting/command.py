@@ -1,4 +1,4 @@
-"""``ordernm report``: its options and its output."""
+"""``ordernm report``: options and output of the command."""
 
 from __future__ import annotations
 

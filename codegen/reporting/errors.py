@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DIGITS = 40
-"""Decimal digits of the reference."""
+"""Number of decimal digits of the reference."""
 
 MOST_PARAMETERS, MIXED = 16, 3
 """Number of parameters with derivatives that are compared, and of random directions of all quantities together."""
@@ -57,10 +57,10 @@ bodies:
 """A small model on which the reference is timed in extended precision and in doubles."""
 
 Exact = Any
-"""Numbers of the reference, (nu,), in mpmath."""
+"""Results of the reference, (nu,), as mpmath numbers."""
 
 NUMBERS = "decimal"
-"""Number type of the reference."""
+"""The number type in which the reference computes."""
 
 _as_mpf = np.frompyfunc(mpmath.mp.convert, 1, 1)
 
@@ -253,7 +253,7 @@ def _seconds_of_udot_in_doubles(model: Model, state: State) -> float:
 
 
 def _seconds_of(engine: RecursiveEngine, state: State) -> float:
-    """CPU seconds of one evaluation of the accelerations."""
+    """CPU seconds of one evaluation of the accelerations by the reference."""
     call = partial(engine.accelerations, state.q, state.u, None, state.inputs, state.t)
     return elapsed(call, clock=time.process_time)()
 

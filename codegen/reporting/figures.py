@@ -119,7 +119,7 @@ def differences(data: dict[str, Any]) -> str:
 
 
 def conditions(data: dict[str, Any]) -> str:
-    """Condition numbers over time."""
+    """A figure of condition numbers over time."""
     with drawing(6.2, 2.8) as (_, (ax,), text):
         for key, dashes, label in (
             ("closures", "-", "closures, the worst"),
@@ -135,7 +135,7 @@ def conditions(data: dict[str, Any]) -> str:
 
 
 def roofline(data: dict[str, Any]) -> str:
-    """Operations per second over operations per byte, with the limits of the core."""
+    """A figure of operations per second over operations per byte, with the limits of the core."""
     with under_the_roof(data["peaks"]) as (ax, text):
         for point, marker in zip(data["points"], "os^", strict=True):
             ax.plot(

@@ -34,7 +34,7 @@ MADE = (
 )
 
 FAILURES = (ModelError, FolderError, CompileError, AssemblyError, np.linalg.LinAlgError, ArithmeticError)
-"""Errors that concern one model only."""
+"""Errors that concern one model only, so that the others are still reported."""
 
 
 def write_gallery(
@@ -73,7 +73,7 @@ def write_gallery(
 
 
 def row(name: str, data: dict[str, Any]) -> list[str]:
-    """Row of a report in the list."""
+    """The row of a report in the gallery's list."""
     g, times = data["generated"], data.get("times", {}).get("functions", {})
     taken = [seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")]
     errors = data.get("errors") or []

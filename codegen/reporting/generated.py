@@ -14,7 +14,7 @@ SOURCES = (".c", ".h")
 
 
 def generated(model: Model, made: Report, solver: Solver) -> dict[str, Any]:
-    """Numbers about a package.
+    """Sizes and costs of a generated package.
 
     Returns
     -------

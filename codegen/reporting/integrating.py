@@ -40,7 +40,7 @@ ROUNDS, SHORT = 5, 0.005
 
 @dataclass(frozen=True)
 class Setting:
-    """A motion of a diagram.
+    """A motion of a work-precision diagram.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ def timed(solver: Solver, setting: Setting, core: Core) -> tuple[Trajectory | st
 
 
 def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
-    """Times of repetitions of the motion."""
+    """Times of repeated computations of the motion."""
     taken: list[Turn] = []
     while len(taken) < ROUNDS and sum(t.seconds for t in taken) < SHORT:
         taken.append(timed(solver, setting, core)[1])

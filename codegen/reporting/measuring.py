@@ -33,7 +33,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Request:
-    """Extent of the measurements.
+    """The extent of the measurements of a report.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             folder = Path(scratch) / f"{model.name}_{partitions}"
             packages.append(folder)
             generate(model, folder, compile=False, check=False, progress=progress, partitions=partitions)
-            for library in Path(scratch).glob("*/*.so"):  # reuse libraries of packages with fewer partitions
+            for library in Path(scratch).glob("*/*.so"):  # packages with fewer partitions use the same libraries
                 if library.parent != folder:
                     shutil.copy(library, folder)
             _compile(folder, "precise")

@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 END = 5.0
-"""Default seconds of motion."""
+"""Default duration of the motions, s."""
 
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
-"""Tolerances 10^-e of the adaptive methods."""
+"""Exponents e of the tolerances 10^-e of the adaptive methods."""
 
 ORDERS = {"dop853": 8, "radau": 5}
 
@@ -61,7 +61,7 @@ FACTORS = 20
 """Least number of factorisations of an implicit method; if they cost too much, the method is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
-"""Number of all settings of a diagram."""
+"""Number of settings of all methods in a diagram."""
 
 LONGEST = 0.75 * COSTLIEST
 """Most operations of a motion at a tolerance of 1e-6; a longer one gets an earlier final time."""

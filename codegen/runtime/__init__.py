@@ -55,5 +55,5 @@ _PLACES = {name: module for module, names in _NAMES.items() for name in names}
 # commands that only compile need neither solvers nor mpmath
 __getattr__ = deferred(__name__, _PLACES)
 
-if not TYPE_CHECKING:  # type checkers read the imports above
+if not TYPE_CHECKING:  # type checkers read the imports above instead
     __all__ = [*sorted(_PLACES)]

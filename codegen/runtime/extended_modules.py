@@ -71,7 +71,7 @@ def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
 
 
 def _named(model: Model) -> dict[str, Any]:
-    """The properties by which a model is recognised."""
+    """The properties by which a model and its package are compared."""
     return {
         "name": model.name, "coordinate_names": [*model.coordinate_names], "speed_names": [*model.speed_names],
         "parameter_names": [*model.parameter_names], "parameters": [*model.defaults.values()],

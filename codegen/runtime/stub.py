@@ -15,7 +15,7 @@ from .sections import carried_text, sections_of, solver_text
 from .standalone.calls.functions import lacks
 
 WIDTH = 110
-"""Maximum width of a signature."""
+"""Maximum number of characters in a line of a signature."""
 
 TIE = "\N{NO-BREAK SPACE}"
 """Stands for a space at which lines must not break."""
@@ -51,11 +51,11 @@ STANDARD = {
 
 
 def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """The variables of ``init.pyi.jinja``: lines of text."""
+    """The variables of the template ``init.pyi.jinja``: lines of text."""
     kinds = {kind: manifest[names] for kind, names in ENTRIES.items() if manifest[names]}
     there = [m for m in _methods(tuple(sections_of(manifest))) if not lacks(manifest, m.name)]
     types: set[str] = {"Literal", "Path", *(["TypedDict"] if kinds else [])}
-    there.sort(key=lambda m: not m.decorator_list)  # properties first
+    there.sort(key=lambda m: not m.decorator_list)  # properties come first
     members = [_lines(m, manifest, kinds, types) for m in there]
     used = set(re.findall(r"\w+", " ".join(types)))
     return {

@@ -22,7 +22,7 @@ Times = ArrayLike
 
 
 def dtype_of(manifest: Mapping[str, Any]) -> Any:
-    """The scalar type of a package."""
+    """NumPy's dtype of the scalar type of a package."""
     return np.dtype(manifest.get("scalar", "float64"))
 
 

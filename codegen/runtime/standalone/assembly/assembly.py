@@ -312,7 +312,7 @@ class Assembly:
         others = self.follower.others
         n = len(others)
         moved = np.tile(q, (n + 1, 1))
-        moved[:, others] += 0.1 * np.sin(1.0 + np.arange(n))  # move away from special (symmetric) configurations
+        moved[:, others] += 0.1 * np.sin(1.0 + np.arange(n))  # leaves special configurations, such as symmetric ones
         moved[1:, others] += 0.3 * np.eye(n)
         normalise(moved, self.newton.quaternions)
         gaps = self.newton.gaps(moved, np.tile(x, (n + 1, 1)))

@@ -26,7 +26,7 @@ FIRST = 1.0 / 16
 """Upper bound of the first step, as a fraction of the line."""
 
 CORRECTIONS = 6
-"""Newton iterations per step."""
+"""Number of Newton iterations in each step."""
 
 DONE, SETTLED = 1e-10, 1e-8
 """Step size at which Newton's method stops (rad, or characteristic lengths), and the largest scaled residual accepted then."""
@@ -120,12 +120,12 @@ class _Going(NamedTuple):
     slope: Array
 
     def of(self, n: Indices) -> _Going:
-        """The selected ones of these states."""
+        """A selection of the states that are being continued."""
         return _Going(*(a[n] for a in self))
 
 
 class Follower:
-    """Continues closed states.
+    """Continues closed states along lines.
 
     Parameters
     ----------

@@ -25,14 +25,14 @@ class Loops(States):
 
     @property
     def assembly(self) -> Assembly:
-        """Assembly for the partition in use."""
+        """The assembly of the partition in use."""
         opened, made = self._closing(), self._made
         if made is None or made[0] is not opened:
             self._made = made = opened, Assembly(opened)
         return made[1]
 
     def _closing(self) -> Opened:
-        """The functions used to close loops."""
+        """The generated functions with which loops are closed."""
         return self._opened
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:

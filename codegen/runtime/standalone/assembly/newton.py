@@ -195,7 +195,7 @@ class Newton:
     def _called(
         self, given: Mapping[str, Any], batch: tuple[int, ...], failed: dict[int, SingularJointError] | None
     ) -> Sequence[Array]:
-        """Newton steps, position residuals and condition numbers."""
+        """Newton steps, position residuals and condition numbers, by a call of the generated function."""
         values, functions = self.opened.target.compute, self.opened.functions
         if self.together:
             return values(functions["closing_step"], given, batch, failed=failed)

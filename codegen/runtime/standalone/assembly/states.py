@@ -17,7 +17,7 @@ from ..errors import AssemblyError, SingularLoopError
 
 
 class States(Room):
-    """Consistent states.
+    """Consistent states of a model: assembled coordinates and completed speeds.
 
     Parameters
     ----------

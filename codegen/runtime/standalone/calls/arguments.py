@@ -28,7 +28,7 @@ LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
 
 
 class Arguments:
-    """Checks arguments of a model's functions.
+    """Checks the arguments of the functions of a model.
 
     Attributes
     ----------

@@ -36,10 +36,10 @@ IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
 """Estimated nanoseconds: an addition in SIMD lanes, an addition for a single state, and the call for each single state."""
 
 MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
-"""Results whose columns are computed as directions."""
+"""Functions that return matrices, whose columns are computed as directions."""
 
 WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30}
-"""Cost of an operation, in additions."""
+"""Cost of each operation, in units of an addition."""
 
 EVEN = 8
 """Parts of a batch are multiples of this, the largest number of SIMD lanes."""

@@ -101,7 +101,7 @@ class CTarget(Target):
         self.shapes = shapes
         self.names = names_of(manifest)
         self.real = SCALARS[self.dtype.name]
-        """C type of the numbers."""
+        """The C type of a package's numbers."""
         self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
         self.builds = builds(folder, manifest, sealed)
         parts = manifest.get("libraries", {})
@@ -340,7 +340,7 @@ class CTarget(Target):
         return table
 
     def _over(self, f: Function) -> Any:
-        """The C loop over states for a function."""
+        """The C function that loops over states and calls a given function."""
         over = self._calls.get(f"over {f.name}")
         if over is None:
             symbol, library = f"{self.model}_over", self.library_of_call(f)

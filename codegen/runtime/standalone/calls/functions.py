@@ -109,12 +109,12 @@ SOMETIMES = (
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
-"""Methods that a package may lack."""
+"""Methods of the solver that some packages lack."""
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A generated function.
+    """A generated function of a package.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Function:
     directions: tuple[str, ...]
 
     def named(self, given: Sequence[Any]) -> dict[str, Any]:
-        """Arguments by name, from arguments in order."""
+        """The arguments by name, from those in order."""
         return {n: x for n, x in zip(self.order, given, strict=True) if n in self.takes}
 
     def whole_shapes(self, batch: Shape, k: int = 0) -> list[Shape]:
@@ -237,7 +237,7 @@ def functions_of(manifest: Mapping[str, Any], shapes: Mapping[str, Shape]) -> di
 
 
 def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -> Function:
-    """A function from its entry in the manifest."""
+    """The generated function that an entry of the manifest describes."""
     seeds = {s: math.prod(shapes[s[1:]]) for s in entry.get("seeds", ())}
     results = tuple(entry["results"])
     derived = tuple(bool(seeds) and r.startswith("d") for r in results)

@@ -118,7 +118,7 @@ def _initial_or_input(names: Names, asked: str, values: Sequence[int] | None) ->
 
 
 def look_up_all(names: Names, asked: Sequence[Any], values: Sequence[int]) -> list[Entry]:
-    """Looks up several different names.
+    """Looks up several names, which must differ.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from .task import Target, Task
 
 
 class NumpyTarget(Target):
-    """The NumPy module of a package."""
+    """Computes the functions of a package with its NumPy module."""
 
     name = "numpy"
 
@@ -28,7 +28,7 @@ class NumpyTarget(Target):
         self.module: Any = self._load(module, folder / f"{module}.py")
 
     def _load(self, name: str, file: Path) -> Any:
-        """The module of a file."""
+        """The module that a file contains."""
         spec = importlib.util.spec_from_file_location(name, file)
         assert spec is not None and spec.loader is not None
         module = importlib.util.module_from_spec(spec)

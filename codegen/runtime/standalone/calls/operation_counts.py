@@ -1,4 +1,4 @@
-"""Counts of operations that print as a table."""
+"""Operation counts that print as a table."""
 
 from __future__ import annotations
 

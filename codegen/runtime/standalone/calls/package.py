@@ -81,7 +81,7 @@ class Package:
         return read_manifest(self.folder)
 
     def _open(self, partition: int) -> Opened:
-        """A partition, opened at its first use."""
+        """Opens a partition at its first use, and returns it."""
         with self._making:
             if partition not in self._made:
                 opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
@@ -112,7 +112,7 @@ class Package:
         self._is_used()
 
     def _is_used(self) -> None:
-        """Called when the partition in use has changed."""
+        """Called after another partition has become the one in use."""
 
     def __getstate__(self) -> tuple[str, str, int, int | None, str, str]:
         # a pool of processes pickles solvers; each process opens the package again
@@ -146,12 +146,12 @@ class Package:
 
     @property
     def target(self) -> str:
-        """The code that computes: ``c`` or ``numpy``."""
+        """The target that computes: ``c`` or ``numpy``."""
         return self._target.name
 
     @property
     def parameters(self) -> Array:
-        """Default design parameters, (np,)."""
+        """Default values of the design parameters, (np,)."""
         return self._arguments.defaults["p"].copy()
 
     @property
@@ -273,7 +273,7 @@ class Package:
             self._prepare(member)
 
     def _needed(self, member: str) -> list[Function]:
-        """The generated functions that a method calls."""
+        """The names of the generated functions that a method calls."""
         names = made_of(self._manifest, member)
         return [f for name, f in self._functions.items() if name in names or MEMBERS.get(name) in names]
 
@@ -442,5 +442,5 @@ def seeds(dq: Any, du: Any, dp: Any, dinputs: Any, dt: Any) -> dict[str, Any]:
 
 
 def _times(counts: Mapping[str, Mapping[str, int]], n: int) -> dict[str, dict[str, int]]:
-    """Operations of a sweep that runs n times."""
+    """The operations of a sweep, times n."""
     return {part: {k: n * v for k, v in of.items()} for part, of in counts.items()}

@@ -82,7 +82,7 @@ def c_target(
     functions: dict[str, Function],
     shapes: Mapping[str, Shape],
 ) -> CTarget:
-    """The compiled code of a partition.
+    """Opens the compiled code of a partition.
 
     Raises
     ------
@@ -93,5 +93,5 @@ def c_target(
 
 
 def partitions_of(package: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The manifest of each partition."""
+    """The manifests of all partitions of a package."""
     return [package, *package.get("others", ())]

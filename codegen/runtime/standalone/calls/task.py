@@ -66,7 +66,7 @@ class Task(NamedTuple):
         return tuple(int(i) for i in np.unravel_index(number, self.batch))
 
     def at(self, place: tuple[int, ...]) -> dict[str, Any]:
-        """Arguments of one state."""
+        """The arguments of one state of the batch."""
         return {
             n: np.broadcast_to(a, self.batch)[place] if n == "t" else of_state(a, self.batch, place, 0)
             for n, a in self.arrays.items()

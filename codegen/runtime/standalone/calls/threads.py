@@ -17,7 +17,7 @@ WORTH_A_THREAD = 100_000
 """Work per thread, ns on a single thread: a batch has at most one thread for each such amount of work."""
 
 MANY = 1024
-"""More threads than any batch uses."""
+"""A number of threads that no batch exceeds."""
 
 LIMIT = "OMP_NUM_THREADS"
 """The environment variable that limits the number of threads, as in other numerical libraries."""

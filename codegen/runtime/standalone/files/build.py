@@ -90,7 +90,7 @@ class Build:
             self.compiler, self.complaint = [], error
         self.places = [folder]
         self.stop = Stop()
-        with contextlib.suppress(RuntimeError):  # a user without a home directory
+        with contextlib.suppress(RuntimeError):  # this user has no home directory
             self.places.append(user_cache() / name)
 
     def key(self) -> str:
@@ -175,7 +175,7 @@ class Build:
         raise CompileError(f"the C compiler failed on {sources}; the complete log is in {log_file}:\n{first}")
 
     def _compiles(self, output: Path) -> bool:
-        """Whether the compiler can compile anything."""
+        """Whether the compiler can compile a trivial function."""
         source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
         source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
         refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]], self.stop)

@@ -75,7 +75,7 @@ def find_compiler() -> list[str]:
 
 
 def optimization() -> list[str]:
-    """The flags in addition to `STANDARD`.
+    """Compiler flags in addition to those in `STANDARD`.
 
     Raises
     ------

@@ -98,7 +98,7 @@ def check_files(folder: Path, manifest: Mapping[str, Any], suffixes: tuple[str, 
 
 
 def file_digest(content: bytes) -> str:
-    """Digest of a file for the manifest."""
+    """The digest of a file that the manifest stores."""
     return hashlib.sha256(content).hexdigest()[:16]
 
 

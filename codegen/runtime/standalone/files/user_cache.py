@@ -82,7 +82,7 @@ def refuse_writable(place: Path) -> None:
     place : Path
         An existing file or folder in `user_cache`.
     """
-    if not hasattr(os, "geteuid"):  # Windows has no such owners and modes
+    if not hasattr(os, "geteuid"):  # on Windows, files have no such owners and modes
         return
     base = user_cache()
     for part in (base, *reversed([p for p in (place, *place.parents) if p.is_relative_to(base) and p != base])):

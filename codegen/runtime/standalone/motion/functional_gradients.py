@@ -49,7 +49,7 @@ class Weights:
 
 
 class FunctionalGradients(Simulation):
-    """Values and gradients of functionals of motions."""
+    """Computes functionals of motions, and their gradients."""
 
     def judge(
         self,
@@ -100,7 +100,7 @@ class FunctionalGradients(Simulation):
     def _by_directions(
         self, wanted: list[Functional], events: list[Event], problem: Problem, directions: Directions
     ) -> tuple[Array, Array, dict[str, Any]]:
-        """Values, gradients and counts, by forward sensitivities."""
+        """Values, gradients and counts of a motion with forward sensitivities."""
         run, k = self._run(problem), directions.k
         crossings, values, weights = self._values(wanted, events, problem, run, directions)
         if not k:
@@ -261,8 +261,8 @@ class FunctionalGradients(Simulation):
         weights: Weights,
         k: int,
     ) -> Array:
-        """Gradients from forward sensitivities."""
-        doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # (nt, k, noutputs)
+        """Gradients of functionals from forward sensitivities."""
+        doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # shape (nt, k, noutputs)
         dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
         places = np.searchsorted(weights.times, run.rows[:, 0])
         found = np.zeros((len(wanted), k))
@@ -308,7 +308,7 @@ class FunctionalGradients(Simulation):
 
     @staticmethod
     def _way(method: str, m: int, k: int, integrator: str) -> str:
-        """The cheaper method, unless the user chose one."""
+        """The cheaper of the two methods, unless the user has chosen one."""
         if not k:
             return "none"
         if method != "auto":

@@ -14,7 +14,7 @@ JOINED = {0: "held from one time to the next", 1: "joined by straight lines"}
 """Descriptions of splines without continuous velocity, by degree."""
 
 SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (times, control points, 'spline')"
-"""Smooth kinds of signals that messages suggest."""
+"""Kinds of smooth signals that messages suggest."""
 
 ROUNDED = 1e-12
 """Jumps up to this are rounding errors: relative to the largest value, for velocities per mean distance of knots."""
@@ -99,7 +99,7 @@ class Inputs:
         knots = np.unique(self.knots)
         size = np.abs(self.values).max(axis=0)
         times = knots[(knots > start) & (knots < end)]
-        sides = np.empty((2, len(times), 2, len(changing)))  # side (before, after), time, order, signal
+        sides = np.empty((2, len(times), 2, len(changing)))  # axes: side (before, after), time, order, signal
         jumps = np.empty(sides.shape[1:], bool)
         for order in (0, 1):
             one, other = self.derivative(times, order, before=True), self.derivative(times, order)

@@ -13,7 +13,7 @@ from .problem import Segment
 from .switches import switch_words
 
 INFINITE, RESTS, JUMPS, PASSES = range(4)
-"""Reasons, numbered as in ``motion.h``."""
+"""Reasons for the loss of a direction, numbered as in ``motion.h``."""
 
 
 def why_lost(

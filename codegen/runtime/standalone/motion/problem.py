@@ -80,7 +80,7 @@ class Problem:
         doubles, from_buffer = ffi.typeof("double[]"), ffi.from_buffer
 
         def begin(x: Array) -> Any:
-            """Pointer to an array."""
+            """Pointer to the first entry of an array."""
             if x.dtype is not DOUBLE or not x.flags.c_contiguous:
                 x = np.ascontiguousarray(x, float)
             found = from_buffer(doubles, x)
@@ -196,7 +196,7 @@ class Segment:
 
 @dataclass(slots=True, eq=False)
 class Run:
-    """Results of a motion.
+    """The results of a motion over all its segments.
 
     Attributes
     ----------
@@ -220,5 +220,5 @@ class Run:
 
     @property
     def opened(self) -> Opened:
-        """The partition in use at the end."""
+        """The partition that was in use at the end of the motion."""
         return self.segments[-1].opened

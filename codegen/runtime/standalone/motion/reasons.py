@@ -29,13 +29,13 @@ class Reasons(MotionRun):
     """Runs motions, and explains why they end early."""
 
     def _state_of(self, row: Array, problem: Problem) -> dict[str, Any]:
-        """Arguments of functions at a row of results."""
+        """Arguments of functions at the state in a row of results."""
         t = float(row[0])
         q, u = self._of_rows(row, 1), self._of_rows(row, 2)
         return {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
 
     def _entries(self, problem: Problem) -> list[str]:
-        """Names of the integrated variables."""
+        """Names of the integrated variables, in order."""
         manifest = self._opened.manifest
         names = [f"q.{n}" for n in manifest["independent_names"]]
         names += [f"u.{n}" for n in manifest["independent_speed_names"]]
@@ -45,7 +45,7 @@ class Reasons(MotionRun):
         return names
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
-        """The reason in words, with time and cause."""
+        """The reason for an early end in words, with time and cause."""
         condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED and run.reason != "undetermined":
             return self._cause(problem, run)

@@ -42,13 +42,13 @@ COARSE = 3e-6
 """Sum of errors of constant steps, relative to the state, above which there is a warning."""
 
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
-"""Counts that are summed over segments."""
+"""Names of the counts that are summed over segments."""
 
 Progress = Callable[[float, float], None]
 
 
 class MotionRun(Room):
-    """Runs motions."""
+    """Runs motions by the integrators."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package)

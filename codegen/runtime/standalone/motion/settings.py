@@ -18,10 +18,10 @@ METHOD = "dop853"
 RTOL = 1e-9
 ATOL = 1e-9
 MOST_STEPS = 1_000_000
-"""Defaults of the settings."""
+"""Default settings of motions."""
 
 SMALLEST_TOLERANCE = 1e-14
-"""Smallest relative tolerance; smaller errors are below rounding."""
+"""Smallest relative tolerance; smaller errors would be below rounding."""
 
 
 @dataclass(slots=True)

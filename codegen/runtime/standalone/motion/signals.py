@@ -43,7 +43,7 @@ class Same:
 
 @dataclass(frozen=True)
 class Chain:
-    """Composition of two linear maps."""
+    """The composition of two linear maps of values."""
 
     first: Linear
     then: Linear
@@ -133,7 +133,7 @@ def _by_name(
 
 
 def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
-    """Rewrites signals with common knots."""
+    """Rewrites several signals with common knots and degree."""
     changing = [s for s in signals if s.knots is not None]
     finite = [t for s in changing for t in (s.knots if s.knots is not None else ()) if np.isfinite(t)]
     splines = []
@@ -219,7 +219,7 @@ def _over_time(label: str, names: Sequence[str], times: Any, values: Any, betwee
 
 
 def _of_spline(label: str, names: Sequence[str], degree: int, knots: Array, values: Any, given: Any) -> Signal:
-    """A signal from a SciPy spline."""
+    """A signal from a spline object of SciPy."""
     if getattr(given, "extrapolate", None) == "periodic":
         raise ValueError(
             f"{label}: periodic splines are not allowed, because inputs are constant outside their times; give a function of time"

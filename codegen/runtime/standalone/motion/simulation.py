@@ -45,7 +45,7 @@ ENDED = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}
 
 
 class Simulation(Reasons):
-    """Integration over time."""
+    """Integrates motions over time."""
 
     _names: Trajectory | None = None
     """Names and units for the sensitivities of the last motion."""
@@ -225,7 +225,7 @@ class Simulation(Reasons):
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # not only redundant conditions are open
+                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # more than redundant conditions are open
                     warn(
                         f"the initial state does not close the loops (scaled residual {gap:.3g}); "
                         f"dependent coordinates have been changed"
@@ -279,7 +279,7 @@ class Simulation(Reasons):
 
     @property
     def _shown(self) -> int:
-        """Number of outputs in trajectories."""
+        """Number of outputs that trajectories contain."""
         return self.noutputs if self._gives_outputs else 0
 
     def _no_motion(self, sensitivity_names: tuple[str, ...]) -> Trajectory:
@@ -339,7 +339,7 @@ def _no_derivatives(nt: int, *sizes: int) -> tuple[Array, ...]:
 
 
 def meaningless(what: str) -> str:
-    """The warning for enormous derivatives."""
+    """The warning for derivatives that are too large to be meaningful."""
     return (
         f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and derivatives apply "
         f"only to infinitesimal changes; shorten the time"
@@ -365,7 +365,7 @@ def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> 
 
 
 def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
-    """Indices of names among others."""
+    """Indices of some names in a list of names."""
     at = {name: i for i, name in enumerate(among)}
     return [at[name] for name in names]
 
@@ -385,7 +385,7 @@ def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Ar
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
-    """Start, end and result times."""
+    """Start and end of a motion, and the times of its results."""
     if type(t) is float and 0.0 < t < math.inf:
         return 0.0, t, np.empty(0)
     try:

@@ -66,7 +66,7 @@ def knots_through(t: Array, degree: int) -> tuple[int, Array]:
     """Degree (at most `degree`) and knots of the interpolating spline, with not-a-knot end conditions."""
     degree = min(degree, len(t) - 1)
     inner = t[(degree + 1) // 2 : len(t) - (degree + 1) // 2]
-    if degree % 2 == 0:  # midpoints
+    if degree % 2 == 0:  # for an even degree, knots are midpoints
         inner = 0.5 * (t[degree // 2 : len(t) - degree // 2 - 1] + t[degree // 2 + 1 : len(t) - degree // 2])
     return degree, np.concatenate([[t[0]] * (degree + 1), inner, [t[-1]] * (degree + 1)])
 

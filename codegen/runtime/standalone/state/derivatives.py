@@ -55,7 +55,7 @@ MATRICES = {
 """The requested results for each selection of variables."""
 
 ARRAYS = {asked: operator.attrgetter(*asked) for asked in MATRICES}
-"""The matching attributes of `Jacobians`."""
+"""Attributes of `Jacobians` that belong to the results in `MATRICES`."""
 
 
 def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:
@@ -83,7 +83,7 @@ def asked_for(wrt: str | Iterable[str] | None) -> tuple[str, ...]:
     return _in_order(list(wrt))
 
 
-@functools.lru_cache(maxsize=64)  # repeated calls use the same selection
+@functools.lru_cache(maxsize=64)  # the same selection is used in repeated calls
 def _in_words(wrt: str) -> tuple[str, ...]:
     return _in_order([n.strip() for n in wrt.split(",")])
 

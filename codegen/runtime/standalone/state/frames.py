@@ -112,7 +112,7 @@ class Frames(Room):
         key = tuple(points) if isinstance(points, list) else points
         try:
             found = self._chosen_before.get(key)
-        except TypeError:  # places given as lists or arrays
+        except TypeError:  # places in this selection are lists or arrays
             key = _as_tuples(points)
             try:
                 found = self._chosen_before.get(key)
@@ -171,16 +171,16 @@ class Frames(Room):
 
     @functools.cached_property
     def _speed_units(self) -> tuple[Array, Array]:
-        """Zero speeds, and unit speeds."""
+        """Zero speeds, and unit vectors of all speeds."""
         return np.zeros(self.nu), np.eye(self.nu)
 
 
 NOTHING = Wanted("", ())
-"""Stands for a function that the package lacks."""
+"""Replaces a function that the package lacks."""
 
 
 class _Chosen:
-    """A selection of points.
+    """A selection of points in bodies.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ class _Chosen:
         self.moved = max(self.of_model, default=-1) >= 0 and "point_places" in solver._functions
 
     def prepare(self) -> None:
-        """Prepares direct calls of C for these points."""
+        """Prepares direct calls of C for the selected points."""
         functions, places = self.solver._functions, self.solver._shapes["point_places"]
         table = np.empty((len(self.on), 5))
         table[:, 0], table[:, 2:] = self.on, self.given
@@ -256,7 +256,7 @@ class _Chosen:
         shape = (3,) if self.single else (len(self.on), 3)
 
         def wanted(frames: str, accelerations: str) -> tuple[Wanted, Wanted]:
-            """Calls for the motion without and with accelerations."""
+            """Two calls: for the motion of the points without and with accelerations."""
             of_frames, of_accelerations = functions.get(frames), functions.get(accelerations)
             if of_frames is None:
                 return NOTHING, NOTHING
@@ -305,7 +305,7 @@ class _Chosen:
 
 
 def _several(given: Any, what: str) -> list[Any]:
-    """Converts an argument to a list."""
+    """A single name or a list of names, as a list."""
     try:
         return list(given)
     except TypeError:
@@ -331,7 +331,7 @@ def _is_pair(point: Any) -> bool:
 
 
 def _vector(solver: Frames, point: Any) -> Array:
-    """The place from a pair (body, place)."""
+    """The position in a pair (body, position), checked."""
     name = f"points: the place in {point[0]!r}"
     found = solver._arguments._numbers(name, point[1])
     if found.shape != (3,):

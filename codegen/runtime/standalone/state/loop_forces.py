@@ -158,7 +158,7 @@ class LoopForces(Room):
         return np.moveaxis(0.25 * (total - difference) / FAST**2, 1, -1) * size
 
     def _kinetic_along(self, at: Mapping[str, Array], u: Array, seeds: Mapping[str, Any]) -> Array:
-        """The derivative of the kinetic energy along seeds."""
+        """The derivative of the kinetic energy along given seeds."""
         given = at["q"], u, at["p"], at.get("inputs"), at.get("t", 0.0)
         return self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
 

@@ -15,7 +15,7 @@ JointLinks = tuple[Indices | None, Indices]
 
 
 def joint_links(manifest: Mapping[str, Any]) -> JointLinks:
-    """Indices of the links of the bodies' joints."""
+    """The links of the bodies' joints, from the manifest of a package."""
     links = np.array(manifest["joint_links"], dtype=int)
     every = np.array_equal(links, np.arange(len(manifest["links"])))
     return None if every else links, np.flatnonzero(links < 0)

@@ -53,5 +53,5 @@ class WeightedGradients(Room):
         return found
 
     def of(self, name: str, given: tuple[Any, ...], weights: tuple[Any, ...]) -> Gradients:
-        """Gradients by the transposed function `name`."""
+        """Gradients that the transposed function `name` returns."""
         return Gradients(*self._call(BY_ALL[name], given, weights))

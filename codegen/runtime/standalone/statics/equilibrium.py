@@ -114,7 +114,7 @@ class Motions(NamedTuple):
 
 
 class Search:
-    """Searches for an equilibrium.
+    """Searches for an equilibrium of a mechanism.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class Search:
         found is stable. Steps grow while the linear prediction is accurate, and finally become Newton steps.
         """
         m = self.motions(q)
-        rate = float(np.linalg.norm(m.J)) or 1.0  # the reciprocal of the step, 1/s^2
+        rate = float(np.linalg.norm(m.J)) or 1.0  # 1/s^2; its reciprocal is the size of the step
         radius = RADIUS
         for _ in range(RELAXATION):
             if not np.isfinite(m.J).all() or self.is_rest(m):
@@ -193,7 +193,7 @@ class Search:
             for _ in range(HALVINGS):
                 step = np.asarray(np.linalg.solve(rate * np.eye(len(m.J)) - m.J, m.udot), np.float64)
                 found = self._tried(q, m, step) if np.abs(step).max() <= radius else None
-                # the linear equations predict accelerations of rate*step
+                # accelerations as the linear equations predict them
                 if found is not None:
                     error = float(np.linalg.norm(found[1] - rate * step) / np.linalg.norm(m.udot))
                     if error <= POOR:

@@ -52,7 +52,7 @@ def value_of(x: Any) -> Any:
 
 
 def _wide(x: Any) -> Array:
-    """Numbers with one more axis, for directions."""
+    """An array of numbers with one more axis, for directions."""
     return np.asarray(x, float)[..., None]
 
 
@@ -69,7 +69,7 @@ def _add(x: Any, y: Any) -> Jet:
 
 
 def _of_values(function: Callable[..., Any], *given: Any) -> Any:
-    """Applies a piecewise constant function to values."""
+    """Applies a piecewise constant function, whose derivative is zero, to the values."""
     return function(*map(value_of, given))
 
 

@@ -326,7 +326,7 @@ def _derivatives_of_branches(A: Array, values: Complex, dA: Array) -> Complex | 
 
 
 def _repeated(A: Array, values: Complex, right: Complex) -> NDArray[np.bool_]:
-    """Whether another eigenvalue is equal up to rounding."""
+    """Whether an eigenvalue equals another one up to rounding."""
     apart = np.abs(values[:, None] - values[None, :])
     np.fill_diagonal(apart, np.inf)
     return apart.min(axis=1, initial=np.inf) <= REPEATED * np.abs(values).max(initial=0.0)

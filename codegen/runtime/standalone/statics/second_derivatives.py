@@ -31,7 +31,7 @@ class SecondDerivatives:
         self.module = module
 
     def along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> list[Jet]:
-        """Results of a function along seeds, as jets.
+        """The results of a function along seeds, as jets.
 
         Parameters
         ----------

@@ -32,7 +32,7 @@ AT_REST = 1e-7
 
 
 class Statics(Room):
-    """Statics and linearisation."""
+    """Finds equilibria, and linearises the equations of motion."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package)

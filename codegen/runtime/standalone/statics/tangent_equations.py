@@ -84,7 +84,7 @@ class TangentEquations:
     def _derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
         at, n = self.at, self.space.n
         m = len(along.p)
-        dN = self._rates_along(at.q, self.space.units, dq=along.q[:, None], dp=along.p[:, None])[1]  # (m, n, nq)
+        dN = self._rates_along(at.q, self.space.units, dq=along.q[:, None], dp=along.p[:, None])[1]  # shape (m, n, nq)
         given = {
             "q": Jet(at.q, along.q.T), "u": Jet(at.u, along.u.T), "p": Jet(at.p, along.p.T),
             "inputs": Jet(at.inputs, along.inputs.T), "t": at.t,
@@ -100,7 +100,7 @@ class TangentEquations:
         return self._matrices(dW, none, np.moveaxis(dudot, -1, 0), np.moveaxis(dy, -1, 0))
 
     def _rates_along(self, q: Array, u: Array, dq: Array, dp: Array | None = None) -> tuple[Array, Array]:
-        """qdot and its derivatives along seeds."""
+        """qdot of a state, and its derivatives along seeds."""
         given, along = (q, u, self.at.p, None, 0.0), (dq, None, dp, None, None)
         return self._call("coordinate_rate_sensitivities", given, along)
 

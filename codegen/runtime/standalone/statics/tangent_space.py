@@ -38,7 +38,7 @@ class TangentSpace:
 
     @property
     def n(self) -> int:
-        """Number of directions."""
+        """Number of directions of the tangent space."""
         return len(self.speeds)
 
     def components(self, tangents: Array, motions: Array) -> Array:

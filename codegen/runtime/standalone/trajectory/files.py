@@ -61,7 +61,7 @@ def need(suffix: str) -> None:
 
 
 def damaged(path: str | os.PathLike[str], why: object) -> str:
-    """The message for a damaged file."""
+    """The message for a damaged trajectory file."""
     return f"{os.fspath(path)} is damaged or was changed: {why}; save the trajectory again"
 
 
@@ -88,7 +88,7 @@ def write(
         [arrow.array(np.ascontiguousarray(x), from_pandas=False) for x in all_columns.values()],
         schema=arrow.schema(fields, metadata={KEY: json.dumps(header).encode(), **metadata}),
     )
-    # a dictionary encoding would not distinguish different NaNs
+    # with a dictionary encoding, different NaNs would become equal
     write_whole(Path(path), lambda file: parquet.write_table(table, file, use_dictionary=False))
 
 

@@ -78,7 +78,7 @@ def _extremes(values: Array, bins: int) -> Indices:
 
 
 def _numbers(values: Array) -> list[str]:
-    """The minimum, maximum and last value, as text."""
+    """The minimum, the maximum and the last value of a series, as text."""
     finite = values[np.isfinite(values)]
     ends = [f"{np.min(finite):.6g}", f"{np.max(finite):.6g}"] if len(finite) else ["", ""]
     return [*ends, f"{values[-1]:.6g}" if len(values) else ""]

@@ -24,7 +24,7 @@ FORMATS: dict[str, dict[str, str | None]] = {
     ".png": {"Software": MARK},
     ".pdf": {"CreationDate": None, "Creator": MARK},
 }
-"""Metadata of the file by suffix, without dates."""
+"""For each suffix of a picture file, the metadata that exclude dates."""
 
 MOST_PANELS, CUT = 60, 24
 """Maximum number of series in a picture, and the number shown when the user chose none."""
@@ -46,7 +46,7 @@ ROUNDING = 1e-12
 """Relative change below which a curve is drawn as a straight line."""
 
 Series = tuple[str, str, Array]
-"""Name, unit, values (nt,)."""
+"""A series of a trajectory: name, unit, values (nt,)."""
 
 
 class PlotError(ValueError):
@@ -112,7 +112,7 @@ def draw(
 
 
 def png_of(figure: Any) -> bytes:
-    """PNG image of a figure."""
+    """The PNG image of a figure."""
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata=FORMATS[".png"])
     return file.getvalue()
@@ -165,7 +165,7 @@ def _exponents(several: Sequence[Array]) -> list[int]:
     found = []
     for height in heights:
         share = math.log10(highest) - math.log10(height) if height > 0 else 0.0
-        # do not magnify rounding errors
+        # rounding errors must not be magnified
         found.append(math.floor(share) if 1.0 <= share <= -math.log10(ROUNDING) else 0)
     return found
 

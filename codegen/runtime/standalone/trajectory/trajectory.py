@@ -343,7 +343,7 @@ class Trajectory:
         raise UnknownNameError(f"no derivative by {by!r}; there are those by {some(known)}{hint}")
 
     def _unknown(self, name: str) -> str:
-        """The message for an unknown name."""
+        """The message for the name of a series that does not exist."""
         # for a misspelt crank, suggest q.crank and u.crank
         meant: dict[str, tuple[str, ...]] = {n: (n,) for n in self.names}
         meant |= {
@@ -745,7 +745,7 @@ class Trajectory:
         self._shown_by(solver).html(self, path, folder)
 
     def _shown_by(self, solver: Any) -> Any:
-        """The object that shows the motion.
+        """The object that shows the trajectory in a view or a picture.
 
         Raises
         ------

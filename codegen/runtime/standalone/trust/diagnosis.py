@@ -286,7 +286,7 @@ def trusted(values: Array, errors: Array, at_work: Array | float = 0.0) -> Array
 
 
 def _whole(digits: float) -> int:
-    """Digits, rounded down."""
+    """A number of digits, rounded down."""
     return math.floor(digits)
 
 

@@ -23,7 +23,7 @@ SAME = 1e-13
 
 
 class ExactLoops(Loops):
-    """Consistent states in extended precision.
+    """Computes consistent states in extended precision.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ GUARD = 10
 """Additional decimal digits in intermediate results."""
 
 FEWEST, MOST = 16, 10_000
-"""Range of the number of digits."""
+"""Smallest and largest number of digits."""
 
 REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
 """Methods that compute in double precision only."""
@@ -112,7 +112,7 @@ class Digits:
         return self.mp.make_mpf(self._raw(x, self.mp.prec))
 
     def _raw(self, x: Any, bits: int) -> Any:
-        """Converts to mpmath's internal representation."""
+        """Converts a number to mpmath's internal representation."""
         if isinstance(x, int):
             return self._libmp.from_int(x, bits, "n")
         if not x.is_finite():
@@ -197,7 +197,7 @@ class Text(importlib.abc.InspectLoader):
         return self.text
 
     def module(self, name: str) -> Any:
-        """The loaded module."""
+        """The module, with decimal numbers in place of floats."""
         module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, self))
         functions = module.__dict__["np"] = Functions(self.numbers)
         with decimal.localcontext(self.numbers.context):
@@ -243,7 +243,7 @@ class ExtendedArguments(Arguments):
 
     def _numbers(self, name: str, value: Any) -> Array:
         try:
-            with np.errstate(invalid="ignore"):  # the check of finite numbers follows
+            with np.errstate(invalid="ignore"):  # the test for finite numbers comes later
                 return self.numbers.as_mpf(np.asarray(value, object))
         except (TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {error}; expected an array of real numbers") from None

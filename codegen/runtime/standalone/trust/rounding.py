@@ -72,7 +72,7 @@ def can_round() -> bool:
         for direction in DIRECTED:
             with rounding(direction):
                 found.append((float(one + little) > 1.0, float(-one - little) < -1.0))
-    except (OSError, AttributeError, KeyError, TypeError):  # no such processor, library, or library function
+    except (OSError, AttributeError, KeyError, TypeError):  # there is no such processor, library, or library function
         return False
     return found == [(True, False), (False, True)] and float(one + little) == 1.0
 

@@ -25,7 +25,7 @@ IN_DOUBLE = (
     "assemble", "assemble_sensitivities", "assemble_gradients", "initial_state", "initial_sensitivities", "condition",
     "equilibrium", "linearize", "diagnose", "in_precision",
 )  # fmt: skip
-"""Methods that compute in double precision."""
+"""Methods that compute in double precision even if the package does not."""
 
 IN_DOUBLE_WITH_LOOPS = (
     "mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force",
@@ -91,7 +91,7 @@ class InDouble:
         self.solver, self.dtype = solver, dtype_of(solver._manifest)
 
     def put_in_place(self) -> None:
-        """Replaces the methods that compute in double precision."""
+        """Replaces methods of the solver by those that compute in double precision."""
         for name in (*IN_DOUBLE, *(IN_DOUBLE_WITH_LOOPS if self.solver.closure_names else ())):
             if callable(getattr(type(self.solver), name, None)):
                 self.solver.__dict__[name] = self._member(name)
