@@ -1,4 +1,4 @@
-"""``python -m codegen`` is ``ordernm``."""
+"""``python -m codegen`` runs ``ordernm``."""
 
 import sys
 

@@ -52,7 +52,7 @@ def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str]:
-    """Enumerators by index."""
+    """Enumerators of names, with their indices as values."""
     if len(names) > NAMES:
         return {}
     words = [name.replace(".", "_") for name in names]
@@ -61,13 +61,13 @@ def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str
 
 
 def _index(model: Model, sort: str, names: Sequence[str], name: str) -> str:
-    """The enumerator of a name, or its index."""
+    """The enumerator of a name as C code uses it; without one, the index."""
     place = names.index(name)
     return _enumerators(model, sort, names).get(place, str(place))
 
 
 def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
-    """Arrays of constants, as lines."""
+    """Arrays of constants in C: default parameters and initial state."""
     name = model.name.upper()
     tables = []
     if model.parameters:
@@ -100,7 +100,7 @@ def _unit(unit: str) -> str:
 
 
 def _filled(words: Iterable[str]) -> list[str]:
-    """Comma-separated words, in lines."""
+    """Comma-separated words, distributed over lines."""
     lines = [""]
     for word in words:
         if len(lines[-1]) + len(word) > LINE:
@@ -113,7 +113,7 @@ def _filled(words: Iterable[str]) -> list[str]:
 
 
 def _rows(model: Model) -> list[str]:
-    """Rows of the table of names."""
+    """Rows of the table of names in the README of a package."""
     units = [" ".join(p.unit.split()) for p in model.parameters]
     parameters = [
         f"{p.name} = {float(p.value)!r} {unit}".rstrip() for p, unit in zip(model.parameters, units, strict=True)
@@ -140,7 +140,7 @@ def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
 
 
 def _codes(manifest: Mapping[str, Any]) -> list[str]:
-    """Rows of the table of return codes."""
+    """Rows of the table of return codes in the README of a package."""
     rows, first = ["| 0 | done |"], 1
     lost = "lost rank: its dependent speeds are not determined there"
     of_loops = (_loops_or_couplings(manifest), "it") if manifest.get("couplings") else ("loop", "this loop")
@@ -257,7 +257,7 @@ def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, res
 
 
 def _arguments(manifest: Mapping[str, Any], function: str) -> str:
-    """Arguments of a function call, at time zero."""
+    """Arguments in a call of a C function, at time zero."""
     return ", ".join("0.0" if a == "t" else a for a in manifest["functions"][function]["arguments"])
 
 

@@ -27,7 +27,7 @@ SOURCES = (".py", ".jinja", ".c", ".h")
 """Suffixes of the generator's files that affect its output."""
 
 NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
-"""Python packages that affect the output."""
+"""Python packages whose versions affect generated files."""
 
 
 def read(file: str, status: StatusLine) -> Model | Path:
@@ -67,7 +67,7 @@ def solver_of(
 
 
 def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, frames: bool, reactions: bool) -> None:
-    """Generates and compiles the solver, unless it exists."""
+    """Generates and compiles the solver in a folder, unless it exists."""
     from .generation import generate
     from .runtime import PackageError
     from .runtime.standalone.files.manifest import check_files, read_manifest
@@ -100,7 +100,7 @@ def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Pat
     key.update(_generator())
     try:
         place = make_private(user_cache() / "simulated")
-    except RuntimeError:  # a user without a home directory
+    except RuntimeError:  # this user has no home directory
         return None
     except OSError as error:
         warnings.warn(f"the solver is not kept for the next run: {error}", RuntimeWarning, stacklevel=1)
@@ -128,7 +128,7 @@ def _generator() -> bytes:
 
 
 def _forget_old(place: Path) -> None:
-    """Keeps the packages used most recently."""
+    """Removes all cached packages but the most recently used."""
     with contextlib.suppress(OSError):
         found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
         for old in found[:-KEPT]:

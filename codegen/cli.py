@@ -25,7 +25,7 @@ from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
 COMPUTING = ("simulate", "report", "bench")
-"""Commands that may use large matrices."""
+"""Commands that may need NumPy's threads, for large matrices."""
 
 PROBLEMS = 50
 """Maximum number of a model's problems that are listed."""
@@ -93,7 +93,7 @@ def _tolerate_terminal() -> None:
 
 
 def _wrong(error: Any) -> None:
-    """Prints the first `PROBLEMS` problems of a model."""
+    """Prints the first problems of a model, at most `PROBLEMS`."""
     from .summary import first
 
     for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):

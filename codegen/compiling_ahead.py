@@ -41,7 +41,7 @@ class CompilingAhead:
         self._copy: Path | None = None
 
     def begin(self, files: Mapping[str, str], manifest: Mapping[str, Any]) -> None:
-        """Starts the compilation.
+        """Starts the compilation in a thread.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ def add_completion_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run_completion(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm completion``: print the script."""
+    """``ordernm completion``: prints the script."""
     from .cli import parser_of_commands
 
     try:

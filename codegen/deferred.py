@@ -6,7 +6,7 @@ from typing import Any
 
 
 def deferred(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
-    """Returns a function for ``__getattr__`` of a package.
+    """Returns a function that a package can use as its ``__getattr__``.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ def display(model: Model) -> dict[str, Any]:
 
 
 def _faces(loop: Loop) -> tuple[Face, Face]:
-    """The faces ``from`` and ``to`` of the file."""
+    """The two faces of a loop joint, ``from`` and ``to`` of the file."""
     return (loop.end, loop.start) if loop.turned else (loop.start, loop.end)
 
 

@@ -41,7 +41,7 @@ def run_doctor(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def add_doctor_arguments(parser: argparse.ArgumentParser) -> None:
-    """``ordernm doctor`` has no arguments."""
+    """Adds the arguments of ``ordernm doctor``: there are none."""
 
 
 def _self() -> list[str]:

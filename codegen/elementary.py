@@ -84,7 +84,7 @@ class Elementary:
 
     @property
     def arity(self) -> int:
-        """Number of arguments."""
+        """Number of arguments of the function."""
         return len(self.slopes)
 
     @property
@@ -239,7 +239,7 @@ class TreeNumber:
 
 
 class TreeFunctions:
-    """A namespace of functions on trees, as attributes.
+    """A namespace whose attributes are functions on trees.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def _written(kind: str, *trees: Tree) -> Tree:
 
 
 WRITTEN: Final = TreeFunctions(_written)
-"""Builds trees without simplification."""
+"""A namespace that builds trees without simplification."""
 
 
 def tree_of(formula: Slope, arguments: Sequence[Tree], functions: TreeFunctions = WRITTEN) -> Tree:

@@ -29,7 +29,7 @@ class Failure(Exception):
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal requests the end of the process.
+    """Raised when a signal requests the end of the process.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Ending:
         before = {}
         with contextlib.suppress(ValueError):  # outside the main thread, the application has its own handlers
             for number, handler in usual.items():
-                if signal.getsignal(number) == handler:  # a signal ignored by nohup stays ignored
+                if signal.getsignal(number) == handler:  # nohup lets a process ignore this signal, which stays ignored
                     before[number] = signal.signal(number, self.handle)
         try:
             yield self

@@ -70,7 +70,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
         listed = {str(n) for n in listed} if isinstance(listed, list) else set()
         found = list(_names(folder, {str(above) for n in listed for above in PurePath(n).parents}))
-    except (OSError, RuntimeError) as error:  # a symbolic link to itself
+    except (OSError, RuntimeError) as error:  # the folder is a symbolic link to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
         if force or not found:
@@ -133,7 +133,7 @@ def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) 
     Returns False if the folder already contains the same files; it then keeps its compiled library. If only files have changed
     that are not compiled, libraries are kept. Files named in `keep` stay, unless a new file has the same name.
     """
-    folder = folder.resolve()  # a symbolic link is kept
+    folder = folder.resolve()  # keeps a symbolic link in place
     new = {name: text.encode() for name, text in files.items()}
     with contextlib.suppress(OSError):
         if all((folder / name).read_bytes() == content for name, content in new.items()):
@@ -191,7 +191,7 @@ def put_right(folder: Path) -> None:
         return
     hidden = re.compile(rf"\.{re.escape(folder.name)}-(new|old)-\d+-[0-9a-f]+")
     with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
-        # restore moved packages first
+        # moved packages are restored first
         for name in sorted((e.name for e in entries if hidden.fullmatch(e.name)), key=lambda n: "-new-" in n):
             left = folder.with_name(name)
             with _locked(left) as free:
@@ -297,7 +297,7 @@ def exchange(one: Path, other: Path) -> bool:
 @functools.cache
 def _exchange_call() -> Callable[[bytes, bytes], int] | None:
     """``renameat2`` of Linux, ``renamex_np`` of macOS."""
-    here, swap = -100, 2  # AT_FDCWD; RENAME_EXCHANGE, RENAME_SWAP
+    here, swap = -100, 2  # the constants AT_FDCWD; RENAME_EXCHANGE, RENAME_SWAP
     try:
         library = ctypes.CDLL(None, use_errno=True)
         if sys.platform == "darwin":

@@ -299,7 +299,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
 
 
 def _names(functions: object) -> list[str]:
-    """Names of functions, as a list."""
+    """The names of the selected functions, as a list."""
     found = []
     for name in functions if isinstance(functions, Iterable) and not isinstance(functions, bytes) else [functions]:
         if not isinstance(name, str):
@@ -329,7 +329,7 @@ def check_solver(model: Model, report: Report) -> None:
     unchecked = "warning: not checked against the generic engine: "
     try:
         initial = solver.initial
-    except (AssemblyError, SingularJointError) as singular:  # a singular loop, joint or force
+    except (AssemblyError, SingularJointError) as singular:  # a joint, a loop or a force is singular there
         report.remarks.append(f"{unchecked}at the initial configuration {singular}")
         return
     engine, rng = RecursiveEngine(model), np.random.default_rng(1)

@@ -27,7 +27,7 @@ NEAR_BY = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
 """Distances at which nearby values are evaluated, in s, or relative for later times."""
 
 Pair = tuple[Any, Any]
-"""Values and their rates, as numbers or arrays."""
+"""A pair of values and their rates: numbers or arrays."""
 
 Known = Callable[[Array], Mapping[str, Pair]]
 """Returns values and rates of variables at given times."""

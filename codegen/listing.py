@@ -36,7 +36,7 @@ def list_model(model: Model, verbose: bool = False) -> list[str]:
 
 
 class _Listing:
-    """The lines of a model.
+    """Writes the lines that list a model.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ Printed = Callable[[Mapping[str, str], Mapping[str, Any]], None]
 
 @dataclass(slots=True)
 class Source:
-    """The files of a solver.
+    """The files of a solver, with data about their generation.
 
     Attributes
     ----------

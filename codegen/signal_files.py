@@ -15,7 +15,7 @@ from .runtime.standalone.arrays import Array
 
 SUFFIXES = (".csv", ".npz")
 TIMES = ("t", "time")
-"""Names of the column or array of times."""
+"""Names that a column or array of times may have."""
 
 
 class SignalFileError(ValueError):
@@ -28,7 +28,7 @@ def is_signal_file(text: str) -> bool:
 
 
 def read_signals(path: str) -> tuple[Array, dict[str, Array]]:
-    """Increasing times (n,), and signals (n,) by name.
+    """Read increasing times (n,), and signals (n,) by name, from a file.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class MotionError(Failure, ArithmeticError):
 
 
 BETWEEN = ("linear", "hold", "cubic", "quintic")
-"""Kinds of interpolation for signals in files."""
+"""Kinds of interpolation between the times of signals in files."""
 
 
 @dataclasses.dataclass
@@ -133,7 +133,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str], width: int | None = None) -> Run:
-    """Runs the command, except for printing.
+    """Run ``ordernm simulate``, except for printing.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
                 refuse_foreign_file(path, options.force)  # the path is tested again, because a motion may take hours
                 write(trajectory)
                 done.written.append(path)
-            except (OSError, ValueError) as error:  # a model without coordinates cannot be plotted
+            except (OSError, ValueError) as error:  # without coordinates, a model cannot be plotted
                 done.failed = done.failed or error
         done.lines = lines_of(done, width)  # units are read from the package, which may be in a temporary folder
     return done
@@ -223,7 +223,7 @@ def _with_choices(
 
 @contextlib.contextmanager
 def _remarks(remarks: list[str]) -> Iterator[None]:
-    """Collects Python's warnings, each one once."""
+    """Collects Python's warnings, without repetitions."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         try:
@@ -246,7 +246,7 @@ def motion_errors() -> Iterator[None]:
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:
         # LinAlgError and AssemblyError are ValueErrors, so they are caught first
         raise MotionError(str(error)) from None
-    except (ValueError, KeyError, AttributeError) as error:  # AttributeError: a package without simulate
+    except (ValueError, KeyError, AttributeError) as error:  # an AttributeError: the package has no method simulate
         raise RequestError(str(error)) from None
 
 
@@ -309,7 +309,7 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
 
 
 def inputs_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Constants and signals by the names of inputs."""
+    """Constants and signals of a request, by the names of the inputs."""
     from .signal_files import SUFFIXES, SignalFileError, is_signal_file, joined, read_signals
 
     for text in options.inputs:

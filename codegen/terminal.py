@@ -16,7 +16,7 @@ PATIENCE = 2.0
 """Seconds after which a terminal shows the status line."""
 FRAMES = "|/-\\"
 BAR = 24
-"""Characters of the progress bar."""
+"""Number of characters of the progress bar."""
 STYLES = {"bold": 1, "warning": 33}
 
 
@@ -24,7 +24,7 @@ def is_terminal(stream: TextIO | Any) -> bool:
     """Whether the stream is a terminal."""
     try:
         return bool(stream.isatty())
-    except (AttributeError, ValueError):  # a replaced or closed stream
+    except (AttributeError, ValueError):  # the stream has been replaced or closed
         return False
 
 
@@ -113,7 +113,7 @@ class StatusLine:
         self.close()
 
     def close(self) -> None:
-        """Erases the line."""
+        """Erases the status line."""
         if self._timer is not None:
             self._timer.cancel()
         with self._lock:

@@ -1,4 +1,4 @@
-"""``ordernm bench``: its options and its work."""
+"""``ordernm bench``: options and work of the command."""
 
 from __future__ import annotations
 

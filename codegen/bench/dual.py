@@ -49,12 +49,12 @@ class Dual:
 
 
 def sine(x: Any) -> Dual:
-    """Sine, for mpmath numbers."""
+    """Sine of a dual number, for mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.sin(y.value), y.slope * mpmath.cos(y.value))
 
 
 def cosine(x: Any) -> Dual:
-    """Cosine, for mpmath numbers."""
+    """Cosine of a dual number, for mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.cos(y.value), -(y.slope * mpmath.sin(y.value)))

@@ -29,7 +29,7 @@ def result_lines(results: dict[str, Any], width: int | None) -> list[str]:
 
 
 def problem_lines(name: str, result: dict[str, Any], width: int | None) -> list[str]:
-    """A problem's title, its table and its goals."""
+    """The lines of a problem: title, table and goals."""
     body = LINES[result["kind"]](result, width)
     return [f"{name}: {result['title']}", f"  reference: {result['source']}", *body]
 
@@ -73,7 +73,7 @@ def error_of(p: dict[str, Any]) -> str:
 
 
 def goal_line(goal: dict[str, Any]) -> str:
-    """A goal, and the setting that reached it."""
+    """The line of a goal, with the setting that reached it."""
     p = goal["reached"]
     if p is None:
         return f"error {goal['goal']}: missed at all tolerances"
@@ -164,7 +164,7 @@ def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -
 
 
 def failures(problems: dict[str, Any]) -> list[str]:
-    """Failed checks by problem."""
+    """The failed checks of each problem, as lines."""
     return [f"{name}: {', '.join(map(str, r['failed']))}" for name, r in problems.items() if r["failed"]]
 
 

@@ -14,7 +14,7 @@ TITLE = "How accurate, how fast"
 
 
 def _prose(text: str) -> str:
-    """Join the lines of a paragraph."""
+    """Join the lines of a paragraph into one."""
     return " ".join(text.split())
 
 
@@ -62,7 +62,7 @@ includes them; of the other programs, only CasADi computes derivatives.
 
 
 def page_of(results: dict[str, Any]) -> str:
-    """The page in Markdown."""
+    """The page of the manual, in Markdown."""
     machine, problems = results["machine"], results["problems"]
     parts = [
         f"# {TITLE}",
@@ -124,7 +124,7 @@ def _aim(goal: dict[str, Any]) -> list[str]:
 
 
 def _named(row: dict[str, Any]) -> bool:
-    """Whether the directions are named single ones."""
+    """Whether all directions have names, so that they are single quantities."""
     return row["errors"] is not None and "direction 1" not in row["errors"]
 
 

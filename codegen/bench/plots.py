@@ -30,7 +30,7 @@ def write_plots(pictures: dict[str, str], folder: Path) -> None:
 
 
 def plots(results: dict[str, Any]) -> dict[str, str]:
-    """SVG text by name."""
+    """Pictures of the results as SVG text, by name."""
     problems = results["problems"]
     families = {n: r for n, r in problems.items() if r["kind"] == "family" and len(r["sizes"]) > 1}
     found = {"time_by_size": time_by_size(families)} if families else {}

@@ -30,7 +30,7 @@ def write_results(results: dict[str, Any], path: Path) -> None:
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Results of an earlier run.
+    """Read the results of an earlier run.
 
     Raises
     ------
@@ -120,4 +120,4 @@ def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
 
 
 COMPARED = ("", "", "error then", "now", "evaluations then", "now", "time then", "now", "ratio")
-"""Header of the table of `compare`."""
+"""Header of the table that `compare` makes."""

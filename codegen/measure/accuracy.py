@@ -20,7 +20,7 @@ def largest(x: Any) -> Any:
 
 
 def relative(x: Any, exact: Any, size: Any = None) -> float:
-    """max_i |x_i - exact_i| / max_i |exact_i|.
+    """The relative error max_i |x_i - exact_i| / max_i |exact_i|.
 
     Parameters
     ----------

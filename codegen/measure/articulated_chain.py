@@ -73,13 +73,13 @@ def symmetric(entry: Callable[[int, int], Any]) -> Matrix:
 
 
 def turned(R: Matrix, A: Matrix) -> Matrix:
-    """R A R^T for a symmetric A."""
+    """The rotated matrix R A R^T for a symmetric A."""
     RA = product(R, A)
     return symmetric(lambda i, j: dot(RA[i], R[j]))
 
 
 def rotation(axis: int, c: Any, s: Any) -> Matrix:
-    """Rotation matrix, parent components from body components."""
+    """Rotation matrix about the hinge, parent components from body components."""
     return [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == X else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
 
 
@@ -96,13 +96,13 @@ class Rod:
     def of(cls, L: Any, density: Any, radius: Any) -> Rod:
         m = density * L
         mc = -m * L / 2  # first moment along z
-        across, along = m * (3 * radius * radius + 4 * L * L) / 12, m * radius * radius / 2  # about the hinge
+        across, along = m * (3 * radius * radius + 4 * L * L) / 12, m * radius * radius / 2  # moments about the hinge
         J: Matrix = [[across, 0, 0], [0, across, 0], [0, 0, along]]
         return cls(L, J, [[0, -mc, 0], [mc, 0, 0], [0, 0, 0]], [[m, 0, 0], [0, m, 0], [0, 0, m]])
 
 
 Wrench = tuple[Vector, Vector]
-"""Moment and force; or angular and linear acceleration."""
+"""A moment and a force, or an angular and a linear acceleration."""
 
 
 def accelerations(

@@ -18,7 +18,7 @@ Timed = Callable[[], float]
 
 @dataclass(frozen=True)
 class Seconds:
-    """Times of one contestant.
+    """The times that one contestant took.
 
     Attributes
     ----------

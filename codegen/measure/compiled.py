@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 LEVELS = ("-O1", "-O2", "-O3")
 INSTRUCTIONS = {"native": (), "avx2": ("-mno-avx512f",), "sse2": ("-mno-avx512f", "-mno-avx")}
-"""Flags that exclude instructions."""
+"""Compiler flags that exclude instructions, by the set of instructions that remains."""
 
 CLOCK = """\
 #include <time.h>
@@ -85,7 +85,7 @@ class Contestant:
 
 @dataclass
 class Variant:
-    """A contestant compiled at one level."""
+    """A contestant compiled at one optimisation level."""
 
     level: str
     arrays: dict[Any, Array] = field(repr=False)
@@ -118,7 +118,7 @@ class Workshop:
 
     @classmethod
     def of_packages(cls, folder: Path) -> Workshop:
-        """A workshop with the flags of generated packages."""
+        """The workshop with the flags of generated packages."""
         return cls(folder, flags=optimization())
 
     @cached_property
@@ -133,7 +133,7 @@ class Workshop:
 
     @property
     def widest(self) -> str:
-        """The widest permitted vector instructions."""
+        """Name of the widest vector instructions that are permitted."""
         return machine.instructions([*self.compiler, *self.all_flags]) or "no vector instructions"
 
     def compiled(self, contestant: Contestant, level: str) -> Variant:
@@ -169,7 +169,7 @@ class Workshop:
     def compete(
         self, contestants: Sequence[Contestant], rounds: int = 9, batches: int = 25, batch: float = 2e-3
     ) -> dict[str, Timing]:
-        """Times contestants in turns.
+        """Measures the times of contestants that take turns.
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ def add_options(parser: argparse.ArgumentParser, rounds: int = 9, batches: int =
 
 
 def workshop(options: argparse.Namespace) -> Workshop:
-    """The workshop for the options of a script."""
+    """The workshop that the options of a script describe."""
     return Workshop(options.cache, options.instructions)
 
 
@@ -278,13 +278,13 @@ class Functions:
 
     @classmethod
     def of(cls, source: Any) -> Functions:
-        """Functions from the result of `write_solver`."""
+        """The functions in the result of `write_solver`."""
         chosen = {n: t for n, t in source.files.items() if n.endswith((".c", ".h")) and not n.endswith(APART)}
         return cls(source.manifest, chosen)
 
     @classmethod
     def of_package(cls, folder: Path) -> Functions:
-        """Functions from a package, with its compiled library."""
+        """The functions of a package, with its compiled library."""
         manifest = read_manifest(folder)
         headers = {p.name: p.read_text(encoding="utf-8") for p in folder.glob("*.h")}
         return cls(manifest, headers, [Build(folder, manifest["name"]).library()])

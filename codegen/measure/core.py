@@ -142,7 +142,7 @@ WATCHED, MOST_WATCHED = 2e-3, 30
 """After a turn, the fixed work runs once per this time of the turn in seconds, but at most `MOST_WATCHED` times."""
 
 TURNS = 3
-"""Number of measurements of each peak."""
+"""Number of measurements of each peak performance."""
 
 TRIED = 15
 """Runs of the fixed work on each core for the choice of a core."""
@@ -200,7 +200,7 @@ class Core:
 
     @classmethod
     def compiled(cls, folder: Path) -> Core:
-        """Compiles the library in a folder.
+        """Compiles `CORE_C` to a library in a folder.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class Core:
         return cls(library)
 
     def seconds(self) -> float:
-        """Time of the fixed work, s."""
+        """Time that the fixed work takes now, s."""
         return float(self._c.work(ctypes.c_long(WORK)))
 
     def turn(self, run: Timed) -> Turn:

@@ -15,7 +15,7 @@ from ..version import __version__
 INSTRUCTIONS = (
     ("__AVX512F__", "AVX-512"), ("__AVX2__", "AVX2"), ("__AVX__", "AVX"), ("__SSE2__", "SSE2"), ("__ARM_NEON", "NEON"),
 )  # fmt: skip
-"""Macros defined by compilers, widest vectors first."""
+"""Macros that compilers define for instruction sets, widest vectors first."""
 
 
 def machine() -> dict[str, str]:
@@ -42,7 +42,7 @@ def machine() -> dict[str, str]:
 
 
 def processor_name() -> str:
-    """The processor's name, from the system."""
+    """The name of the processor, as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

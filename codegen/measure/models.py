@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def example(name: str) -> str:
-    """The text of a shipped model."""
+    """The text of the model file of a shipped model."""
     package = Path(__file__).resolve().parents[1]
     places = [package / "examples", package.parent / "examples"]
     found = next((file for folder in places if (file := folder / f"{name}.yaml").is_file()), None)
@@ -44,7 +44,7 @@ SIZES = {
 
 
 def text_of(name: str, size: int) -> str:
-    """One of `SIZES` with a given size."""
+    """The text of one of the models in `SIZES`, with a given size."""
     file, old = SIZES[name]
     text = changed(file, old, re.sub(r"\d+", str(size), old))
     if name != "PINNED":
@@ -110,7 +110,7 @@ class Sized:
         return found | dict(zip(("dq", "du", "dp"), seeds(self.model.nu, width), strict=True)) if width else found
 
     def source(self, layout: str = "auto", functions: Collection[str] | None = None) -> Source:
-        """The generated source."""
+        """The generated source of the model's solver."""
         return write_solver(self.model, layout, functions=functions)
 
 

@@ -28,7 +28,7 @@ def total(sweeps: Sweeps, part: str = "per_call", among: Iterable[str] | None = 
 
 
 def plain(operations: Mapping[str, int]) -> int:
-    """Total additions and multiplications."""
+    """Total number of additions and multiplications."""
     return operations.get("additions", 0) + operations.get("multiplications", 0)
 
 

@@ -29,7 +29,7 @@ ROBOTS = {
     "G1": Robot("g1_description/urdf/g1_29dof_rev_1_0.urdf", True),
     "Talos": Robot("talos_data/robots/talos_reduced.urdf", True),
 }
-"""Arms, quadrupeds and humanoids."""
+"""Robots with URDF files: arms, quadrupeds and humanoids."""
 
 
 def robots_folder() -> Path:
@@ -87,7 +87,7 @@ def ours(theirs: Any, name: str) -> Model:
 
 
 class State(NamedTuple):
-    """A state in both programs.
+    """A state of a robot in both programs.
 
     Attributes
     ----------

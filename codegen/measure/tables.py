@@ -37,7 +37,7 @@ class Section:
 
 
 def error(x: float | None) -> str:
-    """An error with two digits; empty for None."""
+    """An error as text with two digits; empty for None."""
     return "" if x is None else f"{x:.1e}"
 
 

@@ -195,7 +195,7 @@ def _is_rounding(methods: dict[str, list[dict[str, Any]]]) -> bool:
 
 
 def sensitivities(model: Model) -> list[str]:
-    """Quantities with respect to which motions are differentiated."""
+    """Names of the quantities with respect to which motions are differentiated."""
     return list(model.parameter_names[:MOST_SENSITIVITIES])
 
 
@@ -237,7 +237,7 @@ def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, flo
     """
 
     pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
-    largest = [float(np.max(np.abs(b), initial=0.0)) or 1.0 for _, b, _, _ in pairs]  # largest of the whole motion
+    largest = [float(np.max(np.abs(b), initial=0.0)) or 1.0 for _, b, _, _ in pairs]  # of the whole motion
     state = max(relative(a[-1], b[-1], n) for (a, b, _, _), n in zip(pairs, largest, strict=True))
     rows = [
         relative(da[i, -1], db[i, -1], size)

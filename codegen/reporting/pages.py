@@ -79,7 +79,7 @@ def write(data: dict[str, Any], folder: Path, force: bool = False) -> None:
 
 
 def texts(data: dict[str, Any]) -> dict[str, str]:
-    """Files of a report by name."""
+    """The files of a report: texts by name."""
     drawn = figures.figures(data)
     sections = tables(data)
     title = f"{data['model']}: speed against error"

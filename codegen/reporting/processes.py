@@ -30,7 +30,7 @@ LONG = 0.2
 
 
 class ProcessError(Failure, RuntimeError):
-    """A timing process ended with an error."""
+    """Raised if a timing process ends with an error."""
 
     code = NUMBERS_FAILED
 
@@ -89,7 +89,7 @@ def timed(
 
 
 def _in_process(*asked: Any) -> dict[str, Any]:
-    """Run `_answer` in a new process."""
+    """Run `_answer` in a new process, and return its result."""
     paths = os.pathsep.join(p for p in sys.path if p)
     done = subprocess.run(
         [sys.executable, "-m", __name__], input=pickle.dumps(asked), capture_output=True,
@@ -105,7 +105,7 @@ def _in_process(*asked: Any) -> dict[str, Any]:
 def _answer(
     library: Path, folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[Setting]
 ) -> dict[str, Any]:
-    """The measurements of one process."""
+    """The measurements that one process makes."""
     core, solver = Core(library), load(folder)
     moved = solver if moving == folder else load(moving)
     found: dict[str, Any] = {"functions": [], "peaks": {}}

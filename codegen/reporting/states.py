@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 RANDOM = 3
-"""Number of random states."""
+"""Number of random states in a report."""
 
 NEARER, FARTHER = 0.7, 1.1
 """After each random state whose loops do not close, the spread is multiplied by the first factor; after each that does, by the
@@ -38,7 +38,7 @@ SPREAD, SPREAD_CLOSED = 1.0, 0.15
 
 @dataclass(frozen=True)
 class State:
-    """A state for evaluations.
+    """A state at which functions are evaluated.
 
     Attributes
     ----------

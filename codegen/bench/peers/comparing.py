@@ -18,7 +18,7 @@ from . import programs
 from .programs import Contestant, Ends
 
 NEEDED = {"CasADi": "casadi", "Pinocchio": "pinocchio", "MuJoCo": "mujoco", "SciPy": "scipy"}
-"""Programs and their modules."""
+"""Other programs, and the modules that they need."""
 
 TREES = ("flyball", "chain_motion")
 """Motions that other programs compute."""
@@ -50,7 +50,7 @@ def compare_with_peers(
 
 
 def contestants(problem: Motion, folder: Path, there: set[str]) -> list[Contestant]:
-    """The contestants: ordernm and all installed programs."""
+    """The contestants of a problem: ordernm and all installed programs."""
     solver, _ = generated(problem.text(), problem.name, folder, ("motion", "jacobians"))
 
     def ours(setting: Setting) -> Contestant:

@@ -26,7 +26,7 @@ Ends = tuple[Sequence[float], Sequence[Sequence[float]] | None]
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 SCIPY = (("DOP853", TOLERANCES), ("Radau", TOLERANCES[:1]))
 STEPS = (4e-3, 1e-3, 2.5e-4)
-"""Time steps for MuJoCo, s."""
+"""Sizes of MuJoCo's time steps, s."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ ALL_DIRECTIONS_TO, ONE_DIRECTION_TO = 100, 1000
 
 
 def exact(x: Array) -> Any:
-    """Convert doubles to an array of mpmath numbers."""
+    """Convert doubles to mpmath numbers of equal value."""
     return np.array([mpmath.mpf(float(a)) for a in x], object)
 
 

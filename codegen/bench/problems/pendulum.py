@@ -36,7 +36,7 @@ def _derivatives() -> list[list[float]]:
     """Derivatives of `_short` with respect to g and length, by the chain rule on the phase; x = length*f(t*sqrt(g/length))."""
     angle, rate = swing("9.81", 10.0)
     x, y, g = -angle.sin, -angle.cos, 9.81
-    dx, dy = -angle.cos * rate * 10.0, angle.sin * rate * 10.0  # with respect to the logarithm of time
+    dx, dy = -angle.cos * rate * 10.0, angle.sin * rate * 10.0  # derivatives with respect to the logarithm of time
     return [[float(dx / (2 * g)), float(dy / (2 * g))], [float(x - dx / 2), float(y - dy / 2)]]
 
 
