@@ -1,4 +1,4 @@
-"""Data of a model for views, in `model.json`: visuals, joints, loops, points and force elements on bodies.
+"""Data of a model for views, in `model.json`: visuals, joints, loops, points, and force elements with their laws.
 
 Numbers that depend on parameters are expression trees, so that a view follows a change of the design.
 """
@@ -6,11 +6,17 @@ Numbers that depend on parameters are expression trees, so that a view follows a
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Final
 
 from .model.expressions import Expression
+from .model.forces import AlongLine, ForceElement, Spring
+from .model.forces.on_body import OnBody
 from .model.model import Body, Face, Loop, Model
+from .model.parsing import parse
 from .model.visuals import Visual
+
+SPRING: Final = parse("-stiffness*(distance - free_length) - damping*rate")
+"""The force of a spring on its end, N, along the line from the start."""
 
 
 def display(model: Model) -> dict[str, Any]:
@@ -22,9 +28,31 @@ def display(model: Model) -> dict[str, Any]:
         "loops": [{"name": x.name, "ends": [_end(e) for e in _faces(x)]} for x in loops],
         "points": [{"name": x.name, **_end(x)} for x in model.points],
         "elements": [
-            {"name": x.name, "type": x.type, "ends": [_end(e) for e in x.ends]} for x in model.loads if x.ends
+            {"name": x.name, "type": x.type, "ends": [_end(e) for e in x.ends], **_law(x)}
+            for x in model.loads
+            if x.ends
         ],
+        **_others(model),
     }
+
+
+def _law(element: ForceElement) -> dict[str, Any]:
+    """The force of an element along the line between its ends, or its components; nothing for other types."""
+    if isinstance(element, OnBody):
+        return {"components": _numbers(element.value), "axes": element.axes}
+    if not isinstance(element, Spring | AlongLine):
+        return {}
+    formula = SPRING if isinstance(element, Spring) else element.law.formula
+    values = zip(element.keys, _numbers(element.coefficients), strict=True)
+    return {"force": _number(formula), "coefficients": dict(values)}
+
+
+def _others(model: Model) -> dict[str, Any]:
+    """Forces in joints with one degree of freedom, and the prescribed coordinates with their rates, which laws may contain."""
+    single = [f for f in model.forces if len(f.values) == 1]
+    joints = [{"name": f.name, "body": f.body, "value": _number(f.values[0])} for f in single]
+    driven = {x.name: _numbers(x.values[:2]) for x in model.prescribed}
+    return {**({"joint_forces": joints} if joints else {}), **({"prescribed": driven} if driven else {})}
 
 
 def _faces(loop: Loop) -> tuple[Face, Face]:

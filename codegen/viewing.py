@@ -34,7 +34,10 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
     parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
                         help="a design parameter, if not as in the model; may be repeated")  # fmt: skip
-    parser.add_argument("--reactions", action="store_true", help="also show the wrenches in joints and loops")
+    parser.add_argument(
+        "--reactions", action="store_true", help="show arrows of the forces that joints and loops transmit"
+    )
+    parser.add_argument("--forces", action="store_true", help="show arrows of the forces and torques of force elements")
     parser.add_argument("--html", metavar="FILE", help="write a page that needs no server and no network: .html")
     parser.add_argument("--picture", metavar="FILE", help="draw the initial state: .svg, .png, .pdf")
     parser.add_argument("--animate", metavar="FILE", help="draw the motion: .gif, .png")
@@ -60,19 +63,20 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
         motion = _motion(solver, options, p, status)
         if options.trajectory and motion is not None:
             motion._shown_by(solver)  # refuses a trajectory of another model
+        arrows, of_file = _arrows(solver, options), solver if options.trajectory else None
         if options.picture:
             start = motion.q[0] if motion is not None else solver.assemble(*solver.initial, p)[0]
             at, when = (p, 0.0) if motion is None else (motion.p, motion.t[0])
             solver.picture(start, at, t=when, path=options.picture, folder=folder)
         if options.animate and motion is not None:
-            motion.animate(options.animate, solver if options.trajectory else None, folder=folder)
+            motion.animate(options.animate, of_file, folder=folder)
         if options.html and motion is not None:
-            motion.html(options.html, solver if options.trajectory else None, folder=folder)
+            motion.html(options.html, of_file, folder=folder, arrows=arrows)
         if not written or (options.html and motion is None):
             if motion is None:
-                view = solver.view(p=p, folder=folder, port=options.port or 0)
+                view = solver.view(p=p, folder=folder, port=options.port or 0, arrows=arrows)
             else:
-                view = motion.view(solver if options.trajectory else None, folder=folder, port=options.port or 0)
+                view = motion.view(of_file, folder=folder, port=options.port or 0, arrows=arrows)
             with contextlib.closing(view):
                 if options.html:
                     view.html(options.html)
@@ -121,6 +125,22 @@ def _check(options: argparse.Namespace) -> None:
 
 def _files(options: argparse.Namespace) -> list[str]:
     return [path for path in (options.picture, options.animate, options.html) if path]
+
+
+def _arrows(solver: Solver, options: argparse.Namespace) -> list[str]:
+    """Kinds of arrows that the options select.
+
+    Raises
+    ------
+    RequestError
+        For --forces, if the model has no force element with arrows.
+    """
+    from .runtime.standalone.display.forces import applied_kinds
+
+    applied = applied_kinds(solver._manifest["display"]) if options.forces else []
+    if options.forces and not applied:
+        raise RequestError("--forces: no force element of the model has arrows; leave it out")
+    return ["reactions"] * options.reactions + applied
 
 
 def _parameters(solver: Solver, options: argparse.Namespace) -> dict[str, float]:

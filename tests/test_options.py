@@ -56,6 +56,7 @@ MADE = {
     ("view", "--trajectory"): "--trajectory run.npz",
     ("view", "--parameter"): "-p length=2",
     ("view", "--reactions"): "--reactions",
+    ("view", "--forces"): "--forces",
     ("view", "--html"): "--html page.html",
     ("view", "--picture"): "--picture pose.png",
     ("view", "--animate"): "-t 1 --animate run.gif",

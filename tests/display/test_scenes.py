@@ -82,7 +82,7 @@ def test_bodies_without_visuals_are_lines_and_hidden_ones_are_not(solver):
 
 def test_poses_of_a_picture_are_those_of_independent_kinematics(solver):
     q, _ = solver.initial
-    poses = solver._views._poses(q[None], solver.parameters, np.zeros(0), np.zeros(1))
+    poses = solver._views._poses(q[None], np.zeros(3), solver.parameters, np.zeros(0), np.zeros(1))
     a, b, x, tilt = q[0], q[0] + q[2], 1.0 + q[1], 0.3
     turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
     slide, drop = np.array([np.cos(a), 0, -np.sin(a)]), np.array([np.sin(b), 0, np.cos(b)])
@@ -92,9 +92,9 @@ def test_poses_of_a_picture_are_those_of_independent_kinematics(solver):
 
 def test_a_view_is_along_the_normal_of_a_planar_mechanism(solver):
     q, p = solver.initial[0][None], np.array(solver.parameters)
-    poses = solver._views._poses(q, p, np.zeros(0), np.zeros(1))
+    poses = solver._views._poses(q, np.zeros(3), p, np.zeros(0), np.zeros(1))
     straight = solver._views._poses(
-        q, np.where(np.array(solver.parameter_names) == "tilt", 0.0, p), np.zeros(0), np.zeros(1)
+        q, np.zeros(3), np.where(np.array(solver.parameter_names) == "tilt", 0.0, p), np.zeros(0), np.zeros(1)
     )
     assert view_of("auto", scene(solver, tilt=0.0), straight) == view_of("y", scene(solver), poses)
     assert view_of("auto", scene(solver), poses) == view_of("corner", scene(solver), poses)
@@ -196,7 +196,7 @@ def test_shades_are_the_lengths_of_derivatives_of_centres_of_mass(solver):
     )
 
     def centres(p):
-        poses = solver._views._poses(q, p, np.zeros(0), np.zeros(1))
+        poses = solver._views._poses(q, np.zeros(3), p, np.zeros(0), np.zeros(1))
         return np.stack([poses.of(k, c, 0) for k, c in enumerate(scene(solver).centres)])
 
     for j, name in enumerate(solver.parameter_names):

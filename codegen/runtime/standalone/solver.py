@@ -1741,7 +1741,7 @@ class Solver(Package):
 
     def view(
         self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        folder: str | os.PathLike[str] = ".", port: int = 0,
+        folder: str | os.PathLike[str] = ".", port: int = 0, arrows: str | Sequence[str] = (),
     ) -> Viewer:  # fmt: skip
         """Show the mechanism in a browser, with sliders for independent coordinates and design parameters.
 
@@ -1758,6 +1758,9 @@ class Solver(Package):
             Folder of the model, from which the names of mesh files start.
         port : int, optional
             Port of this machine. Left out: any that is free.
+        arrows : str or sequence of str, optional
+            Arrows that are shown at the beginning: "reactions" (if the package has them), "forces" and "torques" of force
+            elements.
 
         Returns
         -------
@@ -1768,6 +1771,8 @@ class Solver(Package):
         ------
         ImportError
             If viser is not installed (extra ``view``).
+        ValueError
+            If there are no such arrows.
 
         Examples
         --------
@@ -1776,7 +1781,9 @@ class Solver(Package):
         'http://127.0.0.1:8080'
         """
         start_q, start_u = self.initial
-        return self._views.view(start_q if q is None else q, start_u if u is None else u, p, inputs, t, folder, port)
+        return self._views.view(
+            start_q if q is None else q, start_u if u is None else u, p, inputs, t, folder, port, arrows
+        )
 
     @functools.cached_property
     def _views(self) -> Views:

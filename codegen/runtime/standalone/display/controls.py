@@ -73,14 +73,14 @@ def add_choices(viewer: Viewer) -> None:
             viewer.show(viewer.i)
 
         by.on_update(colored)
-    if viewer.poses.forces:
-        box = gui.add_checkbox("reactions", False)
+    for kind in viewer.poses.arrows:
+        box = gui.add_checkbox(f"arrows: {kind}", kind in viewer.arrows)
 
-        def forced(_: object) -> None:
-            viewer.forces = box.value
+        def switched(_: object, kind: str = kind, box: Any = box) -> None:
+            (viewer.arrows.add if box.value else viewer.arrows.discard)(kind)
             viewer.show(viewer.i)
 
-        box.on_update(forced)
+        box.on_update(switched)
 
 
 class Sliders:

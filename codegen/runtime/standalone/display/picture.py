@@ -207,7 +207,7 @@ def view_of(view: str, scene: Scene, poses: Poses) -> tuple[float, float]:
     if view != "auto":
         raise ValueError(f"view is {view!r}; {', '.join(VIEWS)} and auto are allowed")
     for k, name in enumerate("xyz"):
-        if all(_keeps_plane(axis, np.eye(3)[k], poses) for axis in scene.axes):
+        if all(_keeps_plane(axis, np.eye(3)[k], poses) for axis in scene.axes.values()):
             return VIEWS[name]
     return VIEWS["corner"]
 

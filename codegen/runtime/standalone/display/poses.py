@@ -13,6 +13,27 @@ from .scene import GROUND, Line, Mark, Solid
 
 
 @dataclass(frozen=True, eq=False)
+class Arrows:
+    """Vectors at nt times.
+
+    Attributes
+    ----------
+    places : ndarray (nt, n, 3)
+        Their points of application, m, in the ground frame.
+    vectors : ndarray (nt, n, 3)
+        Components in the ground frame, N or N m; zero where they have no finite value.
+    """
+
+    places: Array
+    vectors: Array
+
+    @property
+    def largest(self) -> float:
+        """Length of the longest vector."""
+        return float(np.linalg.norm(self.vectors, axis=-1).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
 class Poses:
     """Poses of the bodies of a scene at nt times.
 
@@ -26,21 +47,28 @@ class Poses:
         Origins of the body frames, m.
     shades : dict of str to ndarray (nt, n)
         How far each body moves with a parameter, m per unit, by the name of the parameter.
-    forces : list of (ndarray, ndarray)
-        Forces that act on bodies: places (nt, n, 3), m, and components in the ground frame (nt, n, 3), N.
+    twist : ndarray (nt, n, 6) or None
+        Angular velocities, rad/s, and velocities of the origins, m/s, in the ground frame, where forces need them.
+    arrows : dict of str to Arrows
+        Forces and torques by their kinds, see `forces.KINDS`.
     """
 
     t: Array
     rotation: Array
     position: Array
     shades: dict[str, Array] = field(default_factory=dict)
-    forces: list[tuple[Array, Array]] = field(default_factory=list)
+    twist: Array | None = None
+    arrows: dict[str, Arrows] = field(default_factory=dict)
 
     def of(self, body: int, at: Array, i: int) -> Array:
         """Points `at` (..., 3) of a body at time i in the ground frame, m."""
         if body == GROUND:
             return at
         return np.asarray(at @ self.rotation[i, body].T + self.position[i, body])
+
+    def turns(self, body: int) -> Array:
+        """Rotations (nt, 3, 3) of a body at all times, from its components to ground components."""
+        return np.broadcast_to(np.eye(3), (len(self.t), 3, 3)) if body == GROUND else self.rotation[:, body]
 
     def many(self, bodies: Indices, at: Array, i: int) -> Array:
         """Points `at` (n, 3), one in each of n bodies, at time i in the ground frame, m."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ....elementary import ON_ARRAYS
 from ..arrays import Array
+from .formulas import value_of
 
 GROUND = -1
 """Index of the ground as a body."""
@@ -105,8 +105,10 @@ class Scene:
         Force elements between two places.
     joints, loops, points : list of Mark
         Places of joints, ends of loops, and points of the model.
-    axes : list of Axis
-        Axes of joints that are not fixed.
+    ends : list of list of (int, ndarray)
+        Bodies and places of the ends of each force element.
+    axes : dict of int to Axis
+        Axes of joints that are not fixed, by the index of the body.
     centres : list of ndarray (3,)
         Centre of mass of each body in its frame, m.
     """
@@ -119,7 +121,8 @@ class Scene:
     joints: list[Mark] = field(default_factory=list)
     loops: list[Mark] = field(default_factory=list)
     points: list[Mark] = field(default_factory=list)
-    axes: list[Axis] = field(default_factory=list)
+    ends: list[list[tuple[int, Array]]] = field(default_factory=list)
+    axes: dict[int, Axis] = field(default_factory=dict)
     centres: list[Array] = field(default_factory=list)
 
     def lines(self, kind: str) -> list[Line]:
@@ -148,7 +151,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
         Design parameters.
     """
     given = manifest["display"]
-    known = dict(zip(manifest["parameter_names"], p.tolist(), strict=True))
+    known = dict(zip(manifest["parameter_names"], p, strict=True))
     scene = Scene(tuple(manifest["bodies"]))
 
     def place(tree: Sequence[Any]) -> Array:
@@ -160,7 +163,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
         if body["joint"]["type"] != "free":
             scene.joints.append(Mark(scene.names[k], parent, at))
         if body["joint"]["type"] != "fixed":
-            scene.axes.append(Axis(parent, body["joint"]["type"], _direction(body["joint"], known)))
+            scene.axes[k] = Axis(parent, body["joint"]["type"], _direction(body["joint"], known))
         if parent != GROUND:
             corners[parent].append(at)
         scene.centres.append(place(body["com"]))
@@ -173,6 +176,7 @@ def scene_of(manifest: Mapping[str, Any], p: Array) -> Scene:
     scene.points.extend(Mark(x["name"], x["body"], place(x["at"])) for x in given["points"])
     for element in given["elements"]:
         ends = [(end["body"], place(end["at"])) for end in element["ends"]]
+        scene.ends.append(ends)
         if len(ends) == 2:
             bodies = (ends[0][0], ends[1][0])
             scene.elements.append(Line(element["name"], bodies, np.stack([at for _, at in ends])))
@@ -240,30 +244,4 @@ def _from_z(axis: Array) -> Array:
 
 
 def _value(x: Any, known: Mapping[str, float]) -> float:
-    """The value of a number, or of an expression tree of parameters."""
-    if not isinstance(x, (list, tuple)):
-        return float(x)
-    kind, *of = x
-    if kind == "number":
-        return float(of[0])
-    if kind == "name":
-        return known[of[0]]
-    if kind == "call" and of[0] == "choice":
-        return _value(of[2] if _value(of[1], known) else of[3], known)
-    if kind == "call":
-        numbers = [_value(a, known) for a in of[1:]]
-        name = "mod" if of[0] == "wrapped" else of[0]
-        return float(numbers[0] * numbers[1] if name == "vanishing" else getattr(ON_ARRAYS, name)(*numbers))
-    a, *rest = (_value(a, known) for a in of)
-    match kind:
-        case "neg":
-            return -a
-        case "+":
-            return a + rest[0]
-        case "-":
-            return a - rest[0]
-        case "*":
-            return a * rest[0]
-        case "/":
-            return a / rest[0]
-    return float(np.power(a, rest[0]))
+    return float(value_of(x, known))

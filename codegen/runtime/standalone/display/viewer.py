@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,10 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..files.whole_file import MARK, suffix_among, write_whole
 from ..warning import warn
+from .forces import KINDS
 from .meshes import Meshes
 from .picture import LINES, MARKS, SOLID_COLORS
-from .poses import Poses, ends_of, groups_of, places_of, quaternions
+from .poses import Arrows, Poses, ends_of, groups_of, places_of, quaternions
 from .scene import Scene
 
 RATE = 30.0
@@ -65,12 +66,13 @@ class Nodes:
         self.size = size
         self.handles: dict[str, Any] = {}
 
-    def show(self, poses: Poses, i: int, shade: str = "", forces: bool = False) -> None:
-        """Show the scene at time i; bodies coloured by the parameter `shade`, if there is one, and forces if wanted."""
+    def show(self, poses: Poses, i: int, shade: str = "", arrows: Collection[str] = ()) -> None:
+        """Show the scene at time i, with bodies coloured by the parameter `shade`, if there is one, and some kinds of arrows."""
         shown = poses.shades.get(shade)
         colors = None if shown is None else _scale(shown[i] / (float(np.nanmax(shown, initial=0.0)) or 1.0))
         with self.server.atomic():
-            self._arrows(poses.forces if forces else [], i)
+            for kind in KINDS:
+                self._arrows(kind, poses.arrows.get(kind) if kind in arrows else None, i)
             for k, group in enumerate(self.groups):
                 turns = quaternions(poses.turned(group.bodies, group.rotation, i))
                 places = poses.many(group.bodies, group.at, i)
@@ -108,18 +110,19 @@ class Nodes:
                 f"/{kind}", ends, _rgb(colour), thickness=thickness
             )
 
-    def _arrows(self, forces: Sequence[tuple[Array, Array]], i: int) -> None:
-        """Arrows of forces at time i, the largest of the motion a quarter of the mechanism's size."""
-        largest = max((float(np.linalg.norm(f, axis=-1).max(initial=0.0)) for _, f in forces), default=0.0)
-        ends = [np.stack([at[i], at[i] + f[i] * (0.25 * self.size / largest)], axis=1) for at, f in forces if largest]
-        if not ends:
-            if (known := self.handles.pop("forces", None)) is not None:
+    def _arrows(self, kind: str, arrows: Arrows | None, i: int) -> None:
+        """Arrows of a kind at time i, the longest of the motion a quarter of the mechanism's size; None: no arrows."""
+        if arrows is None or not (largest := arrows.largest):
+            if (known := self.handles.pop(kind, None)) is not None:
                 known.remove()
-        elif "forces" in self.handles:
-            self.handles["forces"].points = np.concatenate(ends)
+            return
+        places = arrows.places[i]
+        ends = np.stack([places, places + arrows.vectors[i] * (0.25 * self.size / largest)], axis=1)
+        if kind in self.handles:
+            self.handles[kind].points = ends
         else:
-            self.handles["forces"] = self.server.scene.add_arrows(
-                "/forces", np.concatenate(ends), _rgb("#d55e00"), shaft_radius=0.003 * self.size,
+            self.handles[kind] = self.server.scene.add_arrows(
+                f"/{kind}", ends, _rgb(KINDS[kind]), shaft_radius=0.003 * self.size,
                 head_radius=0.008 * self.size, head_length=0.02 * self.size,
             )  # fmt: skip
 
@@ -169,6 +172,13 @@ class Viewer:
         Folder that names of mesh files start from.
     port : int
         Port of this machine; 0: any that is free.
+    arrows : str or sequence of str
+        Kinds of arrows that are shown at the beginning, see `KINDS`.
+
+    Raises
+    ------
+    ValueError
+        If a kind of arrows is unknown, or the scene has none of this kind.
 
     Attributes
     ----------
@@ -176,8 +186,11 @@ class Viewer:
         Address of the view.
     """
 
-    def __init__(self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0):
+    def __init__(
+        self, title: str, scene: Scene, poses: Poses, folder: Path, port: int = 0, arrows: str | Sequence[str] = ()
+    ):
         viser = need()
+        self.arrows = wanted_arrows(arrows, poses)
         self.title, self.poses, self.meshes = title, poses, Meshes(folder)
         with contextlib.redirect_stdout(io.StringIO()):  # hides the banner that viser prints
             self.server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}")
@@ -193,7 +206,7 @@ class Viewer:
                                    position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
         self.nodes = Nodes(self.server, scene, self.meshes, self.size)
         self.lock = threading.RLock()
-        self.shade, self.forces, self.i = "", False, 0
+        self.shade, self.i = "", 0
         self.show(0)
 
     def move(self, poses: Poses) -> None:
@@ -212,7 +225,7 @@ class Viewer:
         """Show time i of the poses."""
         with self.lock:
             self.i = min(i, len(self.poses.t) - 1)
-            self.nodes.show(self.poses, self.i, self.shade, self.forces)
+            self.nodes.show(self.poses, self.i, self.shade, self.arrows)
 
     def html(self, path: str | os.PathLike[str]) -> None:
         """Write a page that shows the scene, and plays the motion, without a server and without a network."""
@@ -243,6 +256,28 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"<Viewer of {self.title}: {self.url}>"
+
+
+def wanted_arrows(arrows: str | Sequence[str], poses: Poses) -> set[str]:
+    """Kinds of arrows: names in a list, or separated by commas.
+
+    Raises
+    ------
+    ValueError
+        If a kind is unknown, or the poses have no arrows of this kind.
+    """
+    wanted = [x.strip() for x in arrows.split(",")] if isinstance(arrows, str) else list(arrows)
+    for kind in wanted:
+        if kind not in KINDS:
+            raise ValueError(f"arrows: {kind!r} is not a kind of arrows; allowed are {', '.join(KINDS)}")
+        if kind not in poses.arrows:
+            why = (
+                "generate the package with reactions"
+                if kind == "reactions"
+                else "no force element of the model has any"
+            )
+            raise ValueError(f"arrows: there are no {kind}: {why}")
+    return set(wanted)
 
 
 def frames_of(t: Array, what: str) -> list[tuple[int, float]]:

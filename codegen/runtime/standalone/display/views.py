@@ -17,8 +17,9 @@ from ..state.reactions import joint_links, reactions_of
 from ..trajectory.trajectory import Trajectory
 from ..warning import warn
 from .controls import MOST_SLIDERS, Playback, Sliders, add_choices, around
+from .forces import AppliedForces, arrows_of
 from .picture import animate, draw
-from .poses import Poses, places_of
+from .poses import Arrows, Poses, places_of
 from .scene import Scene, scene_of
 from .viewer import Viewer
 
@@ -37,16 +38,19 @@ class Views(Room):
         arrays, batch = self._arguments.take(state(q, np.zeros(self.nu), p, inputs, t), self._left_out)
         alone(batch)
         scene = self._scene(arrays["p"])
-        poses = self._poses(arrays["q"][None], arrays["p"], arrays["inputs"], np.atleast_1d(arrays["t"]))
+        poses = self._poses(
+            arrays["q"][None], np.zeros(self.nu), arrays["p"], arrays["inputs"], np.atleast_1d(arrays["t"])
+        )
         return draw(scene, poses, path, view, Path(folder))
 
     def view(
-        self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, folder: str | os.PathLike[str], port: int
-    ) -> Viewer:
+        self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, folder: str | os.PathLike[str], port: int,
+        arrows: str | Sequence[str],
+    ) -> Viewer:  # fmt: skip
         """See `Solver.view`."""
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         alone(batch)
-        return StateView(self, arrays, Path(folder), port).viewer
+        return StateView(self, arrays, Path(folder), port, arrows).viewer
 
     def of_motion(self, run: Trajectory) -> MotionViews:
         """The views of a trajectory that was loaded from a file.
@@ -82,9 +86,9 @@ class Views(Room):
             raise AttributeError(self._why_not("picture"))
         return scene_of(self._manifest, p)
 
-    def _poses(self, q: Array, p: Array, inputs: Array, t: Array) -> Poses:
-        found = self._call("frames", (q, np.zeros(self.nu), p, inputs, t))[0]
-        return Poses(t, found[..., :9].reshape(*found.shape[:-1], 3, 3), found[..., 9:12])
+    def _poses(self, q: Array, u: Array, p: Array, inputs: Array, t: Array) -> Poses:
+        found = self._call("frames", (q, u, p, inputs, t))[0]
+        return Poses(t, found[..., :9].reshape(*found.shape[:-1], 3, 3), found[..., 9:12], twist=found[..., 12:])
 
     def _shades(
         self, scene: Scene, q: Array, p: Array, inputs: Array, t: Array, dq: Array, names: Sequence[str]
@@ -100,19 +104,18 @@ class Views(Room):
         moved = np.linalg.norm(tangents[..., 9:12] + turned[..., 0], axis=-1)
         return dict(zip(names, moved, strict=True))
 
-    def _forces(
-        self, q: Array, u: Array, p: Array, inputs: Array, scene: Scene, poses: Poses
-    ) -> list[tuple[Array, Array]]:
-        """Reactions of joints and loops with their places; none in a package without reactions."""
+    def _arrows(self, q: Array, u: Array, p: Array, inputs: Array, scene: Scene, poses: Poses) -> dict[str, Arrows]:
+        """Arrows of reactions, if the package has them, and of the forces of force elements."""
+        applied = AppliedForces(self._manifest, scene, p, inputs, q, u, poses).found()
         if "reactions" not in self._functions:
-            return []
+            return applied
         joints, loops = reactions_of(joint_links(self._manifest), self._call("reactions", (q, u, p, inputs, poses.t)))
-        found = [(poses.position, np.nan_to_num(joints[..., 3:]))]
+        found = [(poses.position, joints[..., 3:])]
         faces = [i for i, loop in enumerate(self._manifest["loops"]) if loop not in self._manifest.get("couplings", ())]
         if faces:
             ends = np.stack([places_of(scene.loops[1::2], poses, i) for i in range(len(poses.t))])
             found.append((ends, loops[:, faces, 3:]))
-        return found
+        return {"reactions": arrows_of(found, poses), **applied}
 
 
 class MotionViews:
@@ -142,10 +145,10 @@ class MotionViews:
         scene, poses = self.shown(run)
         animate(scene, poses, path, view, Path(folder), rate)
 
-    def view(self, run: Trajectory, folder: str | os.PathLike[str], port: int) -> Viewer:
+    def view(self, run: Trajectory, folder: str | os.PathLike[str], port: int, arrows: str | Sequence[str]) -> Viewer:
         """See `Trajectory.view`."""
         scene, poses = self.shown(run)
-        viewer = Viewer(run.model, scene, poses, Path(folder), port)
+        viewer = Viewer(run.model, scene, poses, Path(folder), port, arrows)
         if len(poses.t) > 1:
             Playback(viewer)
         add_choices(viewer)
@@ -161,9 +164,11 @@ class MotionViews:
             Sliders(viewer, "design", package.parameter_names, units, run.p, *around(run.p), changed)
         return viewer
 
-    def html(self, run: Trajectory, path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> None:
+    def html(
+        self, run: Trajectory, path: str | os.PathLike[str], folder: str | os.PathLike[str], arrows: str | Sequence[str]
+    ) -> None:
         """See `Trajectory.html`."""
-        viewer = Viewer(run.model, *self.shown(run), Path(folder))
+        viewer = Viewer(run.model, *self.shown(run), Path(folder), 0, arrows)
         try:
             viewer.html(path)
         finally:
@@ -177,12 +182,12 @@ class MotionViews:
         views, inputs, rows = self.views, self.inputs(), _thinned(len(run))
         inputs = inputs[rows] if inputs.ndim == 2 else inputs
         t, q, u = run.t[rows], run.q[rows], run.u[rows]
-        scene, poses = views._scene(p), views._poses(q, p, inputs, t)
+        scene, poses = views._scene(p), views._poses(q, u, p, inputs, t)
         by_inputs = [n.startswith("inputs.") and bool(views.moving_inputs) for n in run.sensitivity_names]
         kept = [k for k, moves in enumerate(by_inputs) if not moves]  # prescribed motion depends on inputs beside q
         names = [run.sensitivity_names[k] for k in kept]
         shades = views._shades(scene, q, p, inputs, t, run.dq[kept][:, rows], names) if names else {}
-        return scene, replace(poses, shades=shades, forces=views._forces(q, u, p, inputs, scene, poses))
+        return scene, replace(poses, shades=shades, arrows=views._arrows(q, u, p, inputs, scene, poses))
 
 
 def _thinned(count: int) -> Any:
@@ -205,12 +210,14 @@ class StateView:
         Folder that names of mesh files start from.
     port : int
         See `Viewer`.
+    arrows : str or sequence of str
+        See `Viewer`.
     """
 
-    def __init__(self, views: Views, arrays: dict[str, Any], folder: Path, port: int):
+    def __init__(self, views: Views, arrays: dict[str, Any], folder: Path, port: int, arrows: str | Sequence[str]):
         self.views, self.arrays = views, arrays
         package: Any = views.package
-        self.viewer = Viewer(package.name, *self._shown(), folder, port)
+        self.viewer = Viewer(package.name, *self._shown(), folder, port, arrows)
         add_choices(self.viewer)
         quaternions = {i + k for i in views._manifest["quaternions"] for k in range(-3, 1)}
         names = [n for n in package.independent_names if package.coordinate_names.index(n) not in quaternions]
@@ -229,13 +236,13 @@ class StateView:
         x, views = self.arrays, self.views
         package: Any = views.package
         q, t = x["q"][None], np.atleast_1d(x["t"])
-        scene, poses = views._scene(x["p"]), views._poses(q, x["p"], x["inputs"], t)
+        scene, poses = views._scene(x["p"]), views._poses(q, x["u"][None], x["p"], x["inputs"], t)
         names = package.parameter_names[:MOST_SLIDERS]
         dp = np.eye(package.np)[: len(names)]
         dq = package.assemble_sensitivities(x["q"], x["u"], x["p"], x["inputs"], x["t"], dp=dp)[2] if names else None
         shades = {} if dq is None else views._shades(scene, q, x["p"], x["inputs"], t, dq[:, None], names)
         return scene, replace(
-            poses, shades=shades, forces=views._forces(q, x["u"][None], x["p"], x["inputs"], scene, poses)
+            poses, shades=shades, arrows=views._arrows(q, x["u"][None], x["p"], x["inputs"], scene, poses)
         )
 
     def _moved(self, values: Array) -> None:

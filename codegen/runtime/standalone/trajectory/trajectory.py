@@ -681,7 +681,14 @@ class Trajectory:
         """
         self._shown_by(solver).animate(self, path, view, folder, rate)
 
-    def view(self, solver: Any = None, *, folder: str | os.PathLike[str] = ".", port: int = 0) -> Any:
+    def view(
+        self,
+        solver: Any = None,
+        *,
+        folder: str | os.PathLike[str] = ".",
+        port: int = 0,
+        arrows: str | Sequence[str] = (),
+    ) -> Any:
         """Play the motion in a browser, with sliders for design parameters that compute it again.
 
         Parameters
@@ -693,6 +700,8 @@ class Trajectory:
             Folder of the model, from which the names of mesh files start.
         port : int, optional
             Port of this machine. Left out: any that is free.
+        arrows : str or sequence of str, optional
+            See `Solver.view`.
 
         Returns
         -------
@@ -711,9 +720,12 @@ class Trajectory:
         >>> run = solver.simulate(2.0)
         >>> view = run.view()  # doctest: +SKIP
         """
-        return self._shown_by(solver).view(self, folder, port)
+        return self._shown_by(solver).view(self, folder, port, arrows)
 
-    def html(self, path: str | os.PathLike[str], solver: Any = None, *, folder: str | os.PathLike[str] = ".") -> None:
+    def html(
+        self, path: str | os.PathLike[str], solver: Any = None, *, folder: str | os.PathLike[str] = ".",
+        arrows: str | Sequence[str] = (),
+    ) -> None:  # fmt: skip
         """Write a page that plays the motion in a browser, without a server and without a network.
 
         Parameters
@@ -724,11 +736,13 @@ class Trajectory:
             See `view`.
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
+        arrows : str or sequence of str, optional
+            Arrows that the page shows; see `Solver.view`.
 
         Raises
         ------
         ValueError
-            See `animate`.
+            See `animate`; or there are no such arrows.
         ImportError
             If viser is not installed (extra ``view``).
 
@@ -742,7 +756,7 @@ class Trajectory:
         >>> run = solver.simulate(2.0)
         >>> run.html("run.html")  # doctest: +SKIP
         """
-        self._shown_by(solver).html(self, path, folder)
+        self._shown_by(solver).html(self, path, folder, arrows)
 
     def _shown_by(self, solver: Any) -> Any:
         """The object that shows the trajectory in a view or a picture.
