@@ -26,6 +26,7 @@ ON_INDEPENDENTS = ("closure", "accelerations", "sensitivities", "energy_sensitiv
 SECTIONS: dict[str, tuple[str, ...]] = {
     "dynamics": (), "consistent states": (), "partitions": (),
     "statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
+    "first-order equations": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
     "diagnosis": ("accelerations",),
     "weighted gradients": (
         "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients",
@@ -48,7 +49,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Modules that others import, and C files, that are included only if a manifest contains one of these keys."""
 
-TOGETHER = ("statics", "state.loop_forces")
+TOGETHER = ("statics", "first-order equations", "state.loop_forces")
 """Entries of both tables that require all of their keys."""
 
 ANYWAY = ("weighted gradients", "outputs")

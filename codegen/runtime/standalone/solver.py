@@ -23,6 +23,7 @@ from .display.viewer import Viewer
 from .display.views import Views
 from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
+from .motion.ode import Ode
 from .motion.run import Progress
 from .motion.settings import ATOL, METHOD, MOST_STEPS, RTOL, Settings, Start
 from .state.derivatives import Gradients, Jacobians
@@ -699,6 +700,50 @@ class Solver(Package):
     @functools.cached_property
     def _statics(self) -> Statics:
         return Statics(self, self._states)
+
+    # -- first-order equations -----------------------------------------------------------------------------------------
+
+    def ode(
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, t: float = 0.0
+    ) -> Ode:  # fmt: skip
+        """Return the equations of motion as ``y' = f(t, y)``, with exact Jacobian, for integrators such as SciPy's `solve_ivp`.
+
+        y holds the independent coordinates, then the independent speeds; loops stay closed. `simulate` is faster, locates the
+        times at which forces jump, and changes independents near dead points.
+
+        Parameters
+        ----------
+        q, u : array_like (nq,), (nu,), optional
+            The initial state. Dependent entries follow from closure. Left out: the model's initial state.
+        p : array_like (np,), optional
+            Parameters. Left out: the defaults.
+        inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
+            Inputs over time, as in `simulate`. A function of time is called at each evaluation.
+        t : float, optional
+            Time of the initial state, s.
+
+        Returns
+        -------
+        Ode
+            A function ``ode(t, y)`` with `initial`, `jacobian(t, y)`, `parameter_jacobian(t, y)` and `state(t, y)`.
+
+        Raises
+        ------
+        AssemblyError
+            If the initial state cannot be closed.
+
+        Examples
+        --------
+        >>> from scipy.integrate import solve_ivp
+        >>> ode = four_bar.ode()
+        >>> ode.names
+        ('q.crank', 'u.crank')
+        >>> found = solve_ivp(ode, (0.0, 0.5), ode.initial, method="Radau", jac=ode.jacobian, rtol=1e-8, atol=1e-8)
+        >>> q, u = ode.state(found.t, found.y)
+        >>> np.abs(four_bar.closure(q, u)[0]).max() < 1e-12
+        np.True_
+        """
+        return Ode(self, self._states, q, u, p, inputs, t)
 
     # -- diagnosis -----------------------------------------------------------------------------------------------------
 

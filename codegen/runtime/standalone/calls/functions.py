@@ -88,7 +88,7 @@ TREES = ("assemble_gradients",)
 """Methods of `SOMETIMES` that need no generated function in models without loops."""
 
 MADE_OF = {
-    **dict.fromkeys(("equilibrium", "linearize"), (
+    **dict.fromkeys(("equilibrium", "linearize", "ode"), (
         "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     )),
     **dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step")),
@@ -106,7 +106,7 @@ SOMETIMES = (
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
+    "assemble_gradients", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that some packages lack."""

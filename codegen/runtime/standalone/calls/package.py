@@ -386,6 +386,11 @@ class Package:
             raise AttributeError(self._why_not(name))
         return f
 
+    def _needs_all(self, name: str) -> None:
+        """Raises AttributeError if the package lacks a function that the method needs."""
+        if not set(MADE_OF[name]).isdisjoint(self._manifest.get("left_out", ())):
+            raise AttributeError(self._why_not(name))
+
     def _why_not(self, name: str) -> str:
         """The reason why a function or method is missing."""
         if name in IN_DOUBLE_ONLY and "scalar" in self._manifest:

@@ -13,7 +13,7 @@ from ..arrays import Array, Numbers, Times
 from ..assembly.partitions import conditions
 from ..assembly.states import States
 from ..calls.arguments import unknown
-from ..calls.functions import ALONG, MADE_OF, STATE
+from ..calls.functions import ALONG, STATE
 from ..calls.named_entries import Named, seeds_by_name
 from ..calls.package import Package, state
 from ..calls.room import Room, alone
@@ -43,7 +43,7 @@ class Statics(Room):
         tolerance: float,
     ) -> Equilibrium:  # fmt: skip
         """See `Solver.equilibrium`."""
-        self._needs_all("equilibrium")
+        self.package._needs_all("equilibrium")
         along = seeds_by_name(sensitivities, self.parameter_names, self.input_names)
         at, space = self._point(q, 0.0, p, inputs, t), self._tangent_space()
 
@@ -76,7 +76,7 @@ class Statics(Room):
         self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, outputs: str | Sequence[str] | None
     ) -> Linearization:
         """See `Solver.linearize`."""
-        self._needs_all("linearize")
+        self.package._needs_all("linearize")
         opened, space = self._opened, self._tangent_space()
         at = self._point(q, 0.0 if u is None else u, p, inputs, t)
         asked = self._asked_outputs(outputs)
@@ -118,11 +118,6 @@ class Statics(Room):
         )
 
     # -- parts of the methods ------------------------------------------------------------------------------------------
-
-    def _needs_all(self, name: str) -> None:
-        """Raises AttributeError if the package lacks a function that the method needs."""
-        if not set(MADE_OF[name]).isdisjoint(self._manifest.get("left_out", ())):
-            raise AttributeError(self._why_not(name))
 
     def _tangent_space(self) -> TangentSpace:
         return TangentSpace({**self._manifest, **self._opened.manifest})

@@ -38,7 +38,7 @@ GUARD = 10
 FEWEST, MOST = 16, 10_000
 """Smallest and largest number of digits."""
 
-REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
+REFUSED = ("simulate", "judge", "equilibrium", "linearize", "ode", "diagnose")
 """Methods that compute in double precision only."""
 
 

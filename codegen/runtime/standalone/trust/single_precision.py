@@ -23,7 +23,7 @@ from .diagnosis import Diagnosis
 
 IN_DOUBLE = (
     "assemble", "assemble_sensitivities", "assemble_gradients", "initial_state", "initial_sensitivities", "condition",
-    "equilibrium", "linearize", "diagnose", "in_precision",
+    "equilibrium", "linearize", "ode", "diagnose", "in_precision",
 )  # fmt: skip
 """Methods that compute in double precision even if the package does not."""
 
