@@ -37,6 +37,7 @@ FUNCTIONS = [
         "runtime.standalone.solver": "Solver", "runtime.standalone.calls.package": "Package",
         "runtime.standalone.trajectory.trajectory": "Trajectory", "runtime.standalone.trajectory.events": "Event Crossing",
         "runtime.standalone.motion.functionals": "Final At Integral AtEvent LeastSquares Judged",
+        "runtime.standalone.motion.ode": "Ode",
         "runtime.standalone.state.derivatives": "Jacobians Gradients",
         "runtime.standalone.state.frame_motion": "FrameMotion PointMotion",
         "runtime.standalone.statics.equilibrium": "Equilibrium",

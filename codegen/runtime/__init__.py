@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .standalone.motion.functionals import Final as Final
     from .standalone.motion.functionals import Integral as Integral
     from .standalone.motion.functionals import LeastSquares as LeastSquares
+    from .standalone.motion.ode import Ode as Ode
     from .standalone.state.derivatives import Jacobians as Jacobians
     from .standalone.state.frame_motion import FrameMotion as FrameMotion
     from .standalone.state.frame_motion import PointMotion as PointMotion
@@ -40,6 +41,7 @@ _NAMES = {
         "SimulationError", "SingularForceError", "SingularJointError", "SingularLoopError", "SingularOutputError",
         "TargetsDifferError"),
     "standalone.motion.functionals": ("At", "AtEvent", "Final", "Integral", "LeastSquares"),
+    "standalone.motion.ode": ("Ode",),
     "standalone.state.derivatives": ("Jacobians",),
     "standalone.state.frame_motion": ("FrameMotion", "PointMotion"),
     "standalone.statics.equilibrium": ("Equilibrium",),

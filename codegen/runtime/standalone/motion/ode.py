@@ -40,6 +40,12 @@ class Ode:
         The initial y.
     names : tuple of str
         Names of the entries of y: ``q.crank``, ``u.crank``.
+
+    Examples
+    --------
+    >>> ode = solver.ode()
+    >>> ode(0.0, ode.initial).shape
+    (4,)
     """
 
     def __init__(self, package: Package, states: States, q: Numbers, u: Numbers, p: Numbers, inputs: Any, t: float):
@@ -101,6 +107,12 @@ class Ode:
         -------
         ndarray (n, n)
             Row i holds the derivatives of ``y'[i]``.
+
+        Examples
+        --------
+        >>> ode = solver.ode()
+        >>> ode.jacobian(0.0, ode.initial).shape
+        (4, 4)
         """
         dq, du = np.zeros((len(self.names), self._package.nq)), np.zeros((len(self.names), self._package.nu))
         k = len(self._q)
@@ -127,6 +139,12 @@ class Ode:
         -------
         ndarray (n, np)
             One column for each parameter, in the order of `Solver.parameter_names`.
+
+        Examples
+        --------
+        >>> ode = solver.ode()
+        >>> ode.parameter_jacobian(0.0, ode.initial).shape
+        (4, 6)
         """
         return self._along(self._closed(t, y), (None, None, np.eye(self._package.np), None, None))
 
@@ -147,6 +165,13 @@ class Ode:
             Coordinates.
         u : ndarray (nu,) or (k, nu)
             Speeds.
+
+        Examples
+        --------
+        >>> ode = four_bar.ode()
+        >>> q, u = ode.state(0.0, ode.initial)
+        >>> q.round(4)
+        array([ 0.8   , -0.2918, -2.334 ])
         """
         return self._closed(t, y)[:2]
 
