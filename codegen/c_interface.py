@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from .emit.c import C, library_function
+from .emit.target import Scalar
 from .model.model import Model
 from .runtime.standalone.calls.functions import STATE, shapes_of
 
@@ -19,6 +21,8 @@ NAMES = 1000
 NUMBERS = 10_000
 """Maximum length of an initial state that is written."""
 LINE = 100
+CLOSED = {8: ("1e-13", "1e-9"), 4: ("1e-6", "1e-4")}
+"""Residuals of loops by size of a scalar: at which the example program ends its iteration, and which it accepts."""
 
 
 def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,13 +72,16 @@ def _index(model: Model, sort: str, names: Sequence[str], name: str) -> str:
 
 def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
     """Arrays of constants in C: default parameters and initial state."""
-    name = model.name.upper()
+    name, scalar = model.name.upper(), _scalar(manifest)
     tables = []
     if model.parameters:
         tables.append(
-            ["/* Default design parameters. */", f"static const double {name}_PARAMETERS[{len(model.parameters)}] = {{"]
+            [
+                "/* Default design parameters. */",
+                f"static const {scalar.word} {name}_PARAMETERS[{len(model.parameters)}] = {{",
+            ]
             + [
-                f"    {float(p.value)!r},  /* {p.name}{_unit(p.unit)} */"
+                f"    {scalar.literal(repr(float(p.value)))},  /* {p.name}{_unit(p.unit)} */"
                 for p in model.parameters
             ]
             + ["};"]
@@ -88,11 +95,24 @@ def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
     ):  # fmt: skip
         if len(numbers) <= NUMBERS:
             tables.append(
-                [f"/* Initial {what}{remark}. */", f"static const double {name}_INITIAL_{symbol}[{len(numbers)}] = {{"]
-                + _filled([repr(float(x)) for x in numbers])
+                [
+                    f"/* Initial {what}{remark}. */",
+                    f"static const {scalar.word} {name}_INITIAL_{symbol}[{len(numbers)}] = {{",
+                ]
+                + _filled([scalar.literal(repr(_held(float(x), scalar))) for x in numbers])
                 + ["};"]
             )
     return tables
+
+
+def _scalar(manifest: Mapping[str, Any]) -> Scalar:
+    """The scalar type of a package's C."""
+    return C.scalar(manifest.get("scalar", "float64"))
+
+
+def _held(x: float, scalar: Scalar) -> float:
+    """A number, or zero if it is too small for the scalar type."""
+    return x if abs(x) >= scalar.limits.smallest else 0.0
 
 
 def _unit(unit: str) -> str:
@@ -182,7 +202,7 @@ def _shown(manifest: Mapping[str, Any]) -> str:
 
 def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """A complete C program: closes the loops, computes accelerations, and one derivative of them."""
-    name, NAME = model.name, model.name.upper()
+    name, NAME, real = model.name, model.name.upper(), _scalar(manifest).word
     functions, shown = manifest["functions"], _shown(manifest)
     if not shown or not model.nq:
         return [f"/* {name}.h lists the functions. */"]
@@ -207,8 +227,8 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
         f'#include "{name}.h"',
         f'#include "{name}_model.h"',
         "",
-        f"static double work[{NAME}_WORKSPACE];",
-        *(f"static double {', '.join(line)};" for line in arrays if line),
+        f"static {real} work[{NAME}_WORKSPACE];",
+        *(f"static {real} {', '.join(line)};" for line in arrays if line),
         "",
     ]
     if model.loops:
@@ -218,18 +238,19 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, result: str, count: str) -> list[str]:
     """The main function of the example program: the state, and the first entries of the result and of a derivative."""
-    name, NAME, functions = model.name, model.name.upper(), manifest["functions"]
+    name, NAME, functions, scalar = model.name, model.name.upper(), manifest["functions"], _scalar(manifest)
+    accepted = scalar.literal(CLOSED[scalar.bytes][1])
     given, call = functions[shown]["arguments"], _arguments(manifest, shown)
     turned = [f"q[{_index(model, 'Q', model.coordinate_names, n)}]" for n in manifest["independent_names"][:1]]
     p_is_read = "p" in given or (model.loops and model.parameters)
-    lines = ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
+    lines = ["int main(void)", "{", *([f"    const {scalar.word} *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
     if model.nq <= NUMBERS:
         lines += [f"    memcpy(q, {NAME}_INITIAL_Q, sizeof q);", f"    memcpy(u, {NAME}_INITIAL_U, sizeof u);"]
     if model.loops:
         p = ", p" if model.parameters else ""
         lines += [
-            *(f"    {q} += 0.001;    /* the dependent coordinates follow */" for q in turned),
-            f"    if (!(assemble(q{p}) < 1e-9) || {name}_completion({_arguments(manifest, 'completion')}, full_u, work)) {{"
+            *(f"    {q} += {scalar.literal('0.001')};    /* the dependent coordinates follow */" for q in turned),
+            f"    if (!(assemble(q{p}) < {accepted}) || {name}_completion({_arguments(manifest, 'completion')}, full_u, work)) {{"
             "    /* and so do the speeds */",
             '        fprintf(stderr, "the loops cannot be closed there\\n");',
             "        return 1;",
@@ -243,7 +264,7 @@ def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, res
         else:
             seed = "d" + turned[0] if turned else "dt[0]"
         lines += [
-            f"    {seed} = 1.0;    /* the direction of the derivative */",
+            f"    {seed} = {scalar.literal('1.0')};    /* the direction of the derivative */",
             f"    if (!code) code = {name}_{along}_1({call}, {', '.join(functions[along]['seeds'])}, {result}, d{result}, work);",
         ]
     return [
@@ -258,34 +279,38 @@ def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, res
 
 def _arguments(manifest: Mapping[str, Any], function: str) -> str:
     """Arguments in a call of a C function, at time zero."""
-    return ", ".join("0.0" if a == "t" else a for a in manifest["functions"][function]["arguments"])
+    return ", ".join(
+        _scalar(manifest).literal("0.0") if a == "t" else a for a in manifest["functions"][function]["arguments"]
+    )
 
 
 def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """A C function that closes the loops of q."""
-    name, NAME = model.name, model.name.upper()
-    p = ", const double *p" if model.parameters else ""
+    name, NAME, scalar = model.name, model.name.upper(), _scalar(manifest)
+    real, zero, closed = scalar.word, scalar.literal("0.0"), scalar.literal(CLOSED[scalar.bytes][0])
+    largest, size, root = (library_function(f, scalar) for f in ("fmax", "fabs", "sqrt"))
+    p = f", const {real} *p" if model.parameters else ""
     conditions = len(model.closure_names)
     quaternions = manifest["quaternions"]
     lines = [
         "/* Newton's method on the dependent coordinates; returns the largest residual that is left. */",
-        f"static double assemble(double *q{p})",
+        f"static {real} assemble({real} *q{p})",
         "{",
-        f"    static double position[{conditions}], velocity[{conditions}], step[{NAME}_NQ];",
-        "    double left = 0.0;",
+        f"    static {real} position[{conditions}], velocity[{conditions}], step[{NAME}_NQ];",
+        f"    {real} left = {zero};",
         "    for (int round = 0; round < 30; ++round) {",
         f"        {name}_closure({_arguments(manifest, 'closure')}, position, velocity, work);",
-        "        left = 0.0;",
-        f"        for (int i = 0; i < {conditions}; ++i) left = fmax(left, fabs(position[i]));",
-        f"        if (left < 1e-13 || {name}_newton_step({_arguments(manifest, 'newton_step')}, step, work)) break;",
+        f"        left = {zero};",
+        f"        for (int i = 0; i < {conditions}; ++i) left = {largest}(left, {size}(position[i]));",
+        f"        if (left < {closed} || {name}_newton_step({_arguments(manifest, 'newton_step')}, step, work)) break;",
         f"        for (int i = 0; i < {NAME}_NQ; ++i) q[i] += step[i];",
     ]
     if quaternions:
         lines += [
             f"        static const int quaternion[] = {{{', '.join(map(str, quaternions))}}};",
             f"        for (int k = 0; k < {len(quaternions)}; ++k) {{    /* of length one */",
-            "            double *e = q + quaternion[k];",
-            "            const double length = sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);",
+            f"            {real} *e = q + quaternion[k];",
+            f"            const {real} length = {root}(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);",
             "            for (int i = 0; i < 4; ++i) e[i] /= length;",
             "        }",
         ]

@@ -15,7 +15,7 @@ from .emit.c.motion import has_motion, write_four, write_motion, write_precise
 from .emit.c.states import over_states, write_states, write_threads
 from .emit.numpy.module import write_numpy
 from .emit.registry import BESIDE_C, RESERVED
-from .emit.target import Scalar, UnwritableError
+from .emit.target import Scalar, TargetError, UnwritableError
 from .loops.description import describe
 from .loops.errors import AssemblyError, PartitionError
 from .loops.partition import Partition, partition
@@ -119,9 +119,19 @@ def write_solver(
     of = C.scalar(scalar)
     with limited(of.limits):
         try:
+            _look_at_defaults(model, of)
             return _written(model, layout, chosen, reactions, progress, functions, frames, printed, of)
         except UnwritableError as error:
             raise ModelError([model.problem(error.place, f"{model.name}, {error}")]) from None
+
+
+def _look_at_defaults(model: Model, scalar: Scalar) -> None:
+    """Raises `UnwritableError` if the scalar type cannot hold the default of a parameter."""
+    for parameter in model.parameters:
+        try:
+            scalar.literal(repr(float(parameter.value)))
+        except TargetError as error:
+            raise UnwritableError(C.name, f"parameters.{parameter.name}", error) from None
 
 
 def _written(

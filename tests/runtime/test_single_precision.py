@@ -271,6 +271,9 @@ def test_numbers_that_the_type_cannot_hold_are_errors_with_their_place():
         ):
             codegen.pipeline.write_solver(model, scalar="float32")
         codegen.pipeline.write_solver(model)
+    model = parse_model(SLIDING.format(factor="1").replace("m: 1.0", "m: 1e-60"))
+    with pytest.raises(ModelError, match=r"parameters.m: the number 1e-60 is beyond float32"):
+        codegen.pipeline.write_solver(model, scalar="float32")
 
 
 def test_a_function_that_a_target_lacks_is_an_error_with_model_and_place(monkeypatch):
