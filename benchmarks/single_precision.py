@@ -1,6 +1,8 @@
 """Packages in single precision against the same ones in double: differences at random states, times of a batch of 4096.
 
-    python benchmarks/single_precision.py [chain arm four_bar] [--turns N]
+    python benchmarks/single_precision.py [chain arm four_bar Solo12] [--turns N] [--instructions avx2]
+
+Models are those of ``examples/`` or, with Pinocchio installed, robots of example-robot-data, such as Solo12.
 
 Both solvers are called from Python by turns, on one thread, with arrays and results in their own scalar type. The least CPU time
 of all turns counts. (By the wall clock, a call that is longer than a time slice of a busy machine waits for other processes every
@@ -10,6 +12,7 @@ time: double precision then seems to take twice as long.) Differences are of the
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import time
 from pathlib import Path
@@ -19,6 +22,8 @@ import numpy as np
 
 import codegen
 from codegen.measure.clock import elapsed, in_rounds
+from codegen.measure.compiled import INSTRUCTIONS
+from codegen.measure.pinocchio_models import ROBOTS, robots_folder
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 STATES, DIRECTIONS = 4096, 8
@@ -31,14 +36,20 @@ def off(found: Any, expected: Any) -> float:
     return float(np.max(np.abs(found - expected).max(axis=axes) / np.abs(expected).max(axis=axes)))
 
 
+def model_of(name: str) -> Any:
+    """The file of a shipped model, or a robot on a free base or on the ground."""
+    if name not in ROBOTS:
+        return EXAMPLES / f"{name}.yaml"
+    return codegen.import_model(robots_folder() / ROBOTS[name].file, base="free" if ROBOTS[name].free else "fixed").model
+
+
 def measure(name: str, turns: int) -> None:
     """Print a model's lines of the table."""
+    model = model_of(name)
     with tempfile.TemporaryDirectory() as folder:
         solvers = {}
         for scalar in SCALARS:
-            codegen.generate(
-                EXAMPLES / f"{name}.yaml", Path(folder) / scalar, scalar=scalar, functions="dynamics", compile=True
-            )
+            codegen.generate(model, Path(folder) / scalar, scalar=scalar, functions="dynamics", compile=True)
             solvers[scalar] = codegen.load(Path(folder) / scalar)
             solvers[scalar].batch_threads = 1
             solvers[scalar].prepare("accelerations", "sensitivities", "batches")
@@ -68,7 +79,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", default=["chain", "arm", "four_bar"])
     parser.add_argument("--turns", type=int, default=40)
+    parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS), help="permitted instructions")
     options = parser.parse_args()
+    os.environ["ORDERNM_CFLAGS"] = " ".join(["-O2", "-march=native", *INSTRUCTIONS[options.instructions]])
     for model in options.models:
         measure(model, options.turns)
 
