@@ -101,7 +101,7 @@ class Batches:
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._functions, self._operations = manifest["functions"], manifest["operations"]
-        self._quaternions: bool = bool(manifest["quaternions"])  # Python checks the norms of quaternions
+        self.quaternions = tuple(manifest["quaternions"])
         self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
@@ -159,15 +159,11 @@ class Batches:
         self._seen += count * (1 + k)
         return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
 
-    def together(
-        self, f: Function
-    ) -> tuple[Callable[[int, int], tuple[int, int, int] | None] | None, Sequence[str], int]:
+    def together(self, f: Function) -> tuple[Callable[[int, int], tuple[int, int, int] | None], Sequence[str], int]:
         """How ``direct_call.c`` computes a large batch of a function: a function that returns the number of threads and addresses
         of C functions, zeros for one state after another, or None for the general path; the names of the arrays; and the size of
         the workspace."""
         over, in_lanes = self._over_states, self._in_lanes(f)
-        if in_lanes and self._quaternions:
-            return None, (), 0
         this, symbol = weakref.proxy(self), self._symbol(f)
 
         def way(count: int, k: int) -> tuple[int, int, int] | None:

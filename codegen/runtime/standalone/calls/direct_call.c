@@ -301,13 +301,14 @@ static PyObject *new_call(PyTypeObject *type, PyObject *arguments, PyObject *nam
 {
     static char *words[] = { "pool", "function", "item", "sizes", "few", "pointers", "takes", "seeds", "results", "returns",
         "kept", "large", NULL };
-    PyObject *memory, *pointers, *takes, *seeds, *results, *returns, *kept, *large;
+    PyObject *memory, *pointers, *takes, *seeds, *results, *returns, *kept, *large, *quaternions;
+    double least;
     unsigned long long run;
     long item, work, lanes, at_work, at_lanes, few, few_along, narrays, work_of_states;
-    if (!PyArg_ParseTupleAndKeywords(arguments, named, "OKl(llll)(ll)O!O!O!O!O!O(Oll)", words, &memory, &run, &item, &work, &lanes,
+    if (!PyArg_ParseTupleAndKeywords(arguments, named, "OKl(llll)(ll)O!O!O!O!O!O(OllO!d)", words, &memory, &run, &item, &work, &lanes,
             &at_work, &at_lanes, &few, &few_along, &PyList_Type, &pointers, &PyList_Type, &takes, &PyList_Type, &seeds,
             &PyList_Type, &results, &PyList_Type, &returns, &kept, &large, &narrays,
-            &work_of_states)) return NULL;
+            &work_of_states, &PyTuple_Type, &quaternions, &least)) return NULL;
     pool *const p = PyCapsule_GetPointer(memory, POOL);
     Call *const c = p ? (Call *)type->tp_alloc(type, 0) : NULL;
     if (!c) return NULL;
@@ -318,10 +319,10 @@ static PyObject *new_call(PyTypeObject *type, PyObject *arguments, PyObject *nam
     c->type = item == sizeof(double) ? NPY_DOUBLE : NPY_FLOAT;
     c->work = work, c->lanes = lanes, c->at_work = at_work, c->at_lanes = at_lanes, c->few = few, c->few_along = few_along;
     c->at_results = (long)PyList_GET_SIZE(pointers);
-    c->kept = Py_BuildValue("(OOOOO)", memory, takes, seeds, kept, large);
+    c->kept = Py_BuildValue("(OOOOOO)", memory, takes, seeds, kept, large, quaternions);
     if (!c->kept || c->at_results > MOST_POINTERS) goto failed;
     c->large = large == Py_None || narrays > MOST_ARRAYS ? NULL : large;
-    c->narrays = narrays, c->work_of_states = work_of_states;
+    c->narrays = narrays, c->work_of_states = work_of_states, c->quaternions = quaternions, c->least = least;
     for (long i = 0; i < c->at_results; ++i) c->pointers[i] = PyLong_AsVoidPtr(PyList_GET_ITEM(pointers, i));
     if (read_taken(takes, c->takes, &c->ntaken) || read_taken(seeds, c->seeds, &c->nseeds)) goto failed;
     if (read_results(c, results, returns)) goto failed;

@@ -88,6 +88,8 @@ typedef struct {
     long ntaken, nseeds, nresults, nreturned;
     PyObject *large; /* decides how large batches are computed; NULL if never several states at once */
     long narrays, work_of_states;
+    PyObject *quaternions; /* index in q of the first component of each quaternion, as a tuple */
+    double least; /* the least square of a quaternion's norm */
     void *pointers[MOST_POINTERS];
     taken takes[MOST_TAKEN], seeds[MOST_TAKEN];
     result results[MOST_RESULTS];

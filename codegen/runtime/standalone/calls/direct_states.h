@@ -94,13 +94,31 @@ static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *ar
     return 1;
 }
 
-/* Computes a batch into arrays; 0 if impossible, if a number is not finite or a state is singular. */
+/* Whether all quaternions of q are long enough. */
+static int long_enough(const Call *c, const strided *q, long states)
+{
+    for (Py_ssize_t n = 0; n < PyTuple_GET_SIZE(c->quaternions); ++n) {
+        const long first = PyLong_AsLong(PyTuple_GET_ITEM(c->quaternions, n));
+        for (long i = 0; i < (q->state ? states : 1); ++i) {
+            double square = 0.0;
+            for (long j = i*q->state + first, end = j + 4; j < end; ++j) {
+                const double e = c->item == sizeof e ? ((const double *)q->at)[j] : ((const float *)q->at)[j];
+                square += e*e;
+            }
+            if (!(square >= c->least)) return 0;
+        }
+    }
+    return 1;
+}
+
+/* Computes a batch into arrays; 0 if impossible, if a number is not finite, a quaternion is too short or a state is singular. */
 static int compute_states(const Call *c, const way *w, PyObject *given, PyObject *seeds, PyObject *arrays, long states, long k)
 {
     double t = 0.0;
     batch b;
     memset(&b, 0, sizeof b);
     if (!lay_all(c, given, seeds, arrays, states, k, (char *)&t, &b)) return 0;
+    if (!long_enough(c, b.arrays + c->takes[0].array, states)) return 0;
     block *const memory = take_block(c->memory, w->threads*c->work_of_states*c->item);
     if (!memory) return 0;
     *(void **)(b.arrays + c->narrays) = (char *)memory + 64;

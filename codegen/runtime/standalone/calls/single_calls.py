@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from .arguments import SMALLEST_QUATERNION
 from .functions import ARGUMENTS, SEEDS, SELECTIVE, Function, Wanted
 from .results import empty, overlapping, put
 
@@ -114,7 +115,8 @@ class Calls(dict[Any, Call]):
             self.pool, int(target.ffi.cast("intptr_t", target.function(f))), target.dtype.itemsize,
             (target.workspace, lanes, SLOT["work"], SLOT["lanes"]), (FEW, FEW_ALONG),
             [address.get(n, 0) for n in SLOT if n != "results"], takes, seeds, results, returns,
-            (table, target.defaults, target.library_of_call(f), target.few_pointer), (large, len(arrays), work_of_states),
+            (table, target.defaults, target.library_of_call(f), target.few_pointer),
+            (large, len(arrays), work_of_states, target.batches.quaternions, SMALLEST_QUATERNION**2),
         )  # fmt: skip
         return call
 
