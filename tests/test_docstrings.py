@@ -15,7 +15,9 @@ from docs_namespace import namespace
 
 import codegen
 import codegen.runtime
+from codegen.reference.engine import Engine
 from codegen.runtime.standalone.calls.package import Package
+from codegen.runtime.standalone.solver import Solver
 
 validate = pytest.importorskip("numpydoc.validate", reason="numpydoc is not installed: pip install -e '.[test]'")
 
@@ -60,13 +62,18 @@ FUNCTIONS = [
 
 
 def members(name: str) -> Iterator[str]:
-    """The name itself, and those of public methods and properties of a class."""
+    """The name itself, and those of public methods and properties of a class; of an engine those that `Solver` lacks."""
     yield name
     found = named(name)
+    documented = set(vars(Solver)) if name.startswith("codegen.reference.engine") else set()
     if inspect.isclass(found):
         for member, value in vars(found).items():
             wrapped = (property, classmethod, staticmethod)
-            if member[0] != "_" and (inspect.isfunction(value) or isinstance(value, wrapped) or hasattr(value, "func")):
+            if (
+                member not in documented
+                and member[0] != "_"
+                and (inspect.isfunction(value) or isinstance(value, wrapped) or hasattr(value, "func"))
+            ):
                 yield f"{name}.{member}"
 
 
@@ -110,6 +117,14 @@ def test_a_docstring_has_its_sections(name):
     found = validate.validate(name)
     codes = CHECKED if inspect.isfunction(named(name)) else OF_PROPERTIES
     assert [message for code, message in found["errors"] if code in codes] == [], found["docstring"]
+
+
+@pytest.mark.parametrize("name", sorted(n for n in set(vars(Engine)) & set(vars(Solver)) if n[0] != "_"))
+def test_a_method_of_an_engine_takes_arguments_of_solver(name):
+    of_engine, of_solver = (inspect.signature(getattr(x, name)).parameters for x in (Engine, Solver))
+    assert getattr(Engine, name).__doc__
+    assert [n for n in of_engine if n != "seeds"] == [n for n in of_solver if n in of_engine]
+    assert ("seeds" in of_engine) == any(n.startswith("d") for n in of_solver)
 
 
 @pytest.fixture(scope="module")

@@ -96,7 +96,8 @@ class Engine(Arguments):
 
     Notes
     -----
-    Arguments of every method: coordinates ``q (nq,)``, speeds ``u (nu,)``, parameters ``p (np,)`` (None: the model's
+    Methods have the names, arguments, results and units of those of `Solver`, but compute one state per call and return new
+    arrays. Arguments of every method: coordinates ``q (nq,)``, speeds ``u (nu,)``, parameters ``p (np,)`` (None: the model's
     values), ``inputs (ninputs,)`` (None: zeros), time ``t``, in SI units. Seeds have their k directions first: ``dq (k,
     nq)``, ``du (k, nu)``, ``dp (k, np)``, ``dinputs (k, ninputs)``, ``dt (k,)``. A seed without k counts as k = 1; a
     missing one is zero. Quaternions may have any length: the rotation of e is that of e/abs(e).
@@ -105,87 +106,33 @@ class Engine(Arguments):
     and have to close the loops. Only the independent entries of ``dq`` and ``du`` are read; the others follow from
     closure. Where a rotation or displacement is split, its seed is read as a rotation vector or displacement in child
     axes, and the components along dependent speeds follow from closure.
+
+    Examples
+    --------
+    >>> from ordernm.reference import DenseEngine
+    >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
+    >>> engine.accelerations([1.2, -0.4], [0, 0]).round(3)
+    array([-15.414,  32.58 ])
+    >>> engine.sensitivities([1.2, -0.4], [0, 0], dp=[1, 0, 0, 0, 0, 0])[1].round(3)
+    array([[ 16.333, -17.918]])
+    >>> engine.gradients([1.2, -0.4], [0, 0], weights=[0, 1])[2].round(3)
+    array([[-17.918, -31.526,  -1.793,  -7.936,   5.313,   0.   ]])
     """
 
     # --- public methods -------------------------------------------------------------------------------------------
 
     def accelerations(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the derivatives of the speeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nu,)
-            udot, rad/s^2 or m/s^2.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.accelerations([1.2, -0.4], [0, 0]).round(3)
-        array([-15.414,  32.58 ])
-        """
+        """Return the derivatives of the speeds."""
         return self._of_free(self._accelerations(self._state(q, u, p, inputs, t)))[0]
 
     def sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return udot and its total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        udot : ndarray (nu,)
-            Derivatives of the speeds.
-        dudot : ndarray (k, nu)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.sensitivities([1.2, -0.4], [0, 0], dp=[1, 0, 0, 0, 0, 0])[1].round(3)
-        array([[ 16.333, -17.918]])
-        """
+        """Return udot and its total derivatives along seeds."""
         return self._of_free(self._accelerations(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     def jacobians(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Jacobians:
-        """Return all partial derivatives of udot.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        Jacobians
-            Derivatives by q (nu, nq), u, p, inputs and t (nu,).
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.jacobians([1.2, -0.4], [0, 0]).u.round(3)
-        array([[ 0.   ,  0.158],
-               [ 0.   , -0.664]])
-        """
+        """Return all partial derivatives of udot."""
         return self._partials(lambda **seeds: self.sensitivities(q, u, p, inputs, t, **seeds)[1])
 
     def _partials(self, along: Callable[..., Array]) -> Jacobians:
@@ -199,86 +146,20 @@ class Engine(Arguments):
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
     def gradients(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any) -> Gradients:
-        """Return gradients of ``sum_i weights_i udot_i``.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        weights : array_like (k, nu)
-            Weights of the entries of udot in each of k sums.
-
-        Returns
-        -------
-        tuple of ndarray
-            Derivatives by q (k, nq), u, p, inputs and t (k,).
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.gradients([1.2, -0.4], [0, 0], weights=[0, 1])[2].round(3)
-        array([[-17.918, -31.526,  -1.793,  -7.936,   5.313,   0.   ]])
-        """
+        """Return gradients of ``sum_i weights_i udot_i``."""
         return _weighted(weights, self.jacobians(q, u, p, inputs, t))
 
     def output_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """Return gradients of weighted sums of outputs.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        weights : array_like (k, noutputs)
-            Weights of the outputs in each of k sums.
-
-        Returns
-        -------
-        tuple of ndarray
-            Derivatives by q (k, nq), u, p, inputs and t (k,).
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.output_gradients([1.2, -0.4], [0, 0], weights=[1, 0, 0, 0, 0, 0])[0].round(3)
-        array([[-0.92 , -0.557]])
-        """
+        """Return gradients of weighted sums of outputs."""
         along = self._partials(lambda **seeds: self.output_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
 
     def energy_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """Return gradients of weighted sums of kinetic and potential energy.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        weights : array_like (k, 2)
-            Weights of the energies in each of k sums.
-
-        Returns
-        -------
-        tuple of ndarray
-            Derivatives by q (k, nq), u, p, inputs and t (k,).
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.energy_gradients([1.2, -0.4], [0, 0], weights=[1, 1])[0].round(3)
-        array([[18.816,  2.815]])
-        """
+        """Return gradients of weighted sums of kinetic and potential energy."""
 
         def along(**seeds: Any) -> Array:
             return np.stack(self.energy_sensitivities(q, u, p, inputs, t, **seeds)[1], axis=-1)
@@ -288,112 +169,25 @@ class Engine(Arguments):
     def coordinate_rate_gradients(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
     ) -> Gradients:
-        """Return gradients of weighted sums of the time derivatives of the coordinates.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        weights : array_like (k, nq)
-            Weights of the entries of qdot in each of k sums.
-
-        Returns
-        -------
-        tuple of ndarray
-            Derivatives by q (k, nq), u, p, inputs and t (k,).
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.coordinate_rate_gradients([1.2, -0.4], [0, 0], weights=[1, 2])[1]
-        array([[1., 2.]])
-        """
+        """Return gradients of weighted sums of the time derivatives of the coordinates."""
         along = self._partials(lambda **seeds: self.coordinate_rate_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
 
     def mass_matrix(self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the mass matrix of Eq. 4 over all speeds of the tree; loops do not enter.
-
-        Parameters
-        ----------
-        q : array_like (nq,)
-            Coordinates, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nu, nu)
-            M, kg m^2, kg m or kg.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.mass_matrix([1.2, -0.4]).round(4)
-        array([[2.4505, 0.5819],
-               [0.5819, 0.2135]])
-        """
+        """Return the mass matrix of Eq. 4 over all speeds of the tree; loops do not enter."""
         M: Array = self._mass_matrix(self._state(q, None, p, inputs, t))[np.ix_(self.free_u, self.free_u)].value
         return M
 
     def mass_matrix_sensitivities(
         self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the mass matrix and its total derivatives along seeds.
-
-        Parameters
-        ----------
-        q : array_like (nq,)
-            Coordinates, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        M : ndarray (nu, nu)
-            The mass matrix.
-        dM : ndarray (k, nu, nu)
-            Its derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.mass_matrix_sensitivities([1.2, -0.4], dq=[0, 1])[1][0, 0].round(4)
-        array([0.3115, 0.1558])
-        """
+        """Return the mass matrix and its total derivatives along seeds."""
         given = self._seeds(("dq", "dp", "dinputs", "dt"), seeds)
         result = self._mass_matrix(self._state(q, None, p, inputs, t, **given))[np.ix_(self.free_u, self.free_u)]
         return result.value, result.tangent
 
     def solve_mass(self, q: Any, b: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the solution x of ``M x = b``, for models without loops.
-
-        Parameters
-        ----------
-        q, b : array_like (nq,), (nu,)
-            Coordinates, SI units and radians; generalised forces, N m or N.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nu,)
-            Accelerations x, rad/s^2 or m/s^2.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.solve_mass([1.2, -0.4], [1, 0]).round(3)
-        array([ 1.157, -3.154])
-        """
+        """Return the solution x of ``M x = b``, for models without loops."""
         self._trees_only("solve_mass")
         state = self._state(q, None, p, inputs, t)
         return self._of_free(self._solve_mass(state, self._of_speeds("b", b, None, state.pairs)))[0]
@@ -401,31 +195,7 @@ class Engine(Arguments):
     def solve_mass_sensitivities(
         self, q: Any, b: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the solution of ``M x = b`` and its total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, b : array_like (nq,), (nu,)
-            Coordinates, SI units and radians; generalised forces, N m or N.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), db (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        x : ndarray (nu,)
-            Accelerations.
-        dx : ndarray (k, nu)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.solve_mass_sensitivities([1.2, -0.4], [1, 0], db=[1, 0])[1].round(3)
-        array([[ 1.157, -3.154]])
-        """
+        """Return the solution of ``M x = b`` and its total derivatives along seeds."""
         self._trees_only("solve_mass_sensitivities")
         given = self._seeds(("dq", "db", "dp", "dinputs", "dt"), seeds)
         db = given.pop("db")
@@ -433,29 +203,7 @@ class Engine(Arguments):
         return self._of_free(self._solve_mass(state, self._of_speeds("b", b, db, state.pairs)))
 
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the joint forces that given accelerations need in addition to the model's own.
-
-        Only for models without loops.
-
-        Parameters
-        ----------
-        q, u, udot : array_like (nq,), (nu,), (nu,)
-            Coordinates, speeds and their derivatives, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nu,)
-            Generalised forces M udot - K, N m or N.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.inverse_dynamics([1.2, -0.4], [0, 0], [0, 0]).round(3)
-        array([18.816,  2.015])
-        """
+        """Return the joint forces that given accelerations need in addition to the model's own."""
         self._trees_only("inverse_dynamics")
         state = self._state(q, u, p, inputs, t)
         return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
@@ -463,31 +211,7 @@ class Engine(Arguments):
     def inverse_dynamics_sensitivities(
         self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the forces of `inverse_dynamics` and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u, udot : array_like (nq,), (nu,), (nu,)
-            Coordinates, speeds and their derivatives, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dudot (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        force : ndarray (nu,)
-            Generalised forces, N m or N.
-        dforce : ndarray (k, nu)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.inverse_dynamics_sensitivities([1.2, -0.4], [0, 0], [0, 0], dudot=[1, 0])[1].round(4)
-        array([[2.4505, 0.5819]])
-        """
+        """Return the forces of `inverse_dynamics` and their total derivatives along seeds."""
         self._trees_only("inverse_dynamics_sensitivities")
         given = self._seeds((*ALONG, "dudot"), seeds)
         dudot = given.pop("dudot")
@@ -495,57 +219,13 @@ class Engine(Arguments):
         return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, dudot)))
 
     def driving_forces(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the generalised forces that prescribed motion needs.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nprescribed,)
-            One force for each prescribed coordinate, N m or N.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/shaken_pendulum.yaml"))
-        >>> engine.driving_forces([0.1, -0.05], [0, 0], t=0.005).round(2)
-        array([-1580.16])
-        """
+        """Return the generalised forces that prescribed motion needs."""
         return flat(self._driving_forces(self._state(q, u, p, inputs, t)))[0]
 
     def driving_force_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the forces of `driving_forces` and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        force : ndarray (nprescribed,)
-            One force for each prescribed coordinate, N m or N.
-        dforce : ndarray (k, nprescribed)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/shaken_pendulum.yaml"))
-        >>> engine.driving_force_sensitivities([0.1, -0.05], [0, 0], t=0.005, dp=[1, 0, 0, 0])[1].round(1)
-        array([[-40067.2]])
-        """
+        """Return the forces of `driving_forces` and their total derivatives along seeds."""
         return flat(self._driving_forces(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     def _armature(self, pairs: Pairs) -> Pair:
@@ -569,29 +249,7 @@ class Engine(Arguments):
         return pairs.column(found)
 
     def energies(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
-        """Return kinetic and potential energy.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        kinetic : number
-            Kinetic energy, J.
-        potential : number
-            Potential energy, J; that of gravity is zero at the ground's origin.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> [round(float(e), 3) for e in engine.energies([1.2, -0.4], [0, 0])]
-        [0.0, -8.955]
-        """
+        """Return kinetic and potential energy."""
         state = self._state(q, u, p, inputs, t)
         kinetic, potential = self._energies(state, self._motion(state))
         return kinetic.value[0, 0], potential.value[0, 0]
@@ -599,170 +257,36 @@ class Engine(Arguments):
     def energy_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[tuple[Any, Any], tuple[Array, Array]]:
-        """Return kinetic and potential energy and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        energies : tuple of two numbers
-            Kinetic and potential energy, J.
-        derivatives : tuple of two ndarray (k,)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.energy_sensitivities([1.2, -0.4], [0, 0], dp=[0, 0, 1, 0, 0, 0])[1][1].round(3)
-        array([-1.777])
-        """
+        """Return kinetic and potential energy and their total derivatives along seeds."""
         state = self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))
         kinetic, potential = self._energies(state, self._motion(state))
         derivatives = kinetic.tangent[:, 0, 0], potential.tangent[:, 0, 0]
         return (kinetic.value[0, 0], potential.value[0, 0]), derivatives
 
     def coordinate_rates(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the time derivatives of the coordinates (Eq. 1).
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (nq,)
-            qdot, rad/s or m/s; 1/s for quaternions.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.coordinate_rates([1.2, -0.4], [0.5, -1])
-        array([ 0.5, -1. ])
-        """
+        """Return the time derivatives of the coordinates (Eq. 1)."""
         return flat(self._coordinate_rates(self._state(q, u, p, inputs, t))[self.free_q])[0]
 
     def coordinate_rate_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return qdot and its total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        qdot : ndarray (nq,)
-            Time derivatives of the coordinates.
-        dqdot : ndarray (k, nq)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.coordinate_rate_sensitivities([1.2, -0.4], [0, 0], du=[1, 0])[1]
-        array([[1., 0.]])
-        """
+        """Return qdot and its total derivatives along seeds."""
         return flat(self._coordinate_rates(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))[self.free_q])
 
     def outputs(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the model's outputs.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        ndarray (noutputs,)
-            Values in the order of the model.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.outputs([1.2, -0.4], [0, 0])[:2].round(3)
-        array([-1.506, -0.92 ])
-        """
+        """Return the model's outputs."""
         return flat(self._outputs(self._state(q, u, p, inputs, t)))[0]
 
     def output_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the model's outputs and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        outputs : ndarray (noutputs,)
-            Values in the order of the model.
-        doutputs : ndarray (k, noutputs)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.output_sensitivities([1.2, -0.4], [0, 0], dp=[0, 1, 0, 0, 0, 0])[1][0, :2].round(3)
-        array([-0.717, -0.697])
-        """
+        """Return the model's outputs and their total derivatives along seeds."""
         return flat(self._outputs(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds))))
 
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def closure(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Array, Array]:
-        """Return the scaled residuals of the loops in position and velocity, at q and u as they are passed.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
-
-        Returns
-        -------
-        position : ndarray (m,)
-            Residuals in the order of `Model.closure_names`; linear ones are divided by the characteristic length.
-        velocity : ndarray (m,)
-            Their time derivatives.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
-        >>> engine.closure(*four_bar.initial)[0].shape
-        (5,)
-        """
+        """Return the scaled residuals of the loops in position and velocity, at q and u as they are passed."""
         if not self.model.loops:
             return self.arithmetic.zeros(0), self.arithmetic.zeros(0)
         position, velocity = self._closure(self._arguments(q, u, p, inputs, t))
