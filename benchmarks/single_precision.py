@@ -40,7 +40,9 @@ def model_of(name: str) -> Any:
     """The file of a shipped model, or a robot on a free base or on the ground."""
     if name not in ROBOTS:
         return EXAMPLES / f"{name}.yaml"
-    return codegen.import_model(robots_folder() / ROBOTS[name].file, base="free" if ROBOTS[name].free else "fixed").model
+    return codegen.import_model(
+        robots_folder() / ROBOTS[name].file, base="free" if ROBOTS[name].free else "fixed"
+    ).model
 
 
 def measure(name: str, turns: int) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-SCALARS = {"float64": "double", "float32": "float"}
-"""C type of each NumPy scalar type."""
+C_TYPES = {"f": "float", "d": "double", "g": "long double"}
+"""Real types of C, by NumPy's characters for them."""
 
 Indices = NDArray[np.intp]
 Shape = tuple[int, ...]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import SCALARS, Array, Shape, filled
+from ..arrays import C_TYPES, Array, Shape, filled
 from ..errors import (
     CompileError,
     NoCompilerError,
@@ -26,7 +26,7 @@ from ..files.build import Build, builds
 from ..files.compiler import find_compiler
 from ..warning import warn
 from .batches import Batches, Failed
-from .caller import find_caller
+from .caller import DIRECT, find_caller
 from .functions import BESIDE, Function, names_of
 from .single_calls import SLOT, Calls
 from .task import Target, Task
@@ -100,7 +100,7 @@ class CTarget(Target):
         self.functions = functions
         self.shapes = shapes
         self.names = names_of(manifest)
-        self.real = SCALARS[self.dtype.name]
+        self.real = C_TYPES[self.dtype.char]
         """The C type of a package's numbers."""
         self.defaults = np.array(manifest["parameters"], self.dtype), self.zeros(len(manifest["input_names"]))
         self.builds = builds(folder, manifest, sealed)
@@ -123,7 +123,7 @@ class CTarget(Target):
             self._library(next(iter(parts)) if self._part_of else "")
         elif not any(build.found() for build in self.builds.values()):
             find_compiler()  # raises now, while NumPy can still be used instead
-        caller = find_caller(folder)
+        caller = find_caller(folder) if self.dtype.char in DIRECT else None
         self.mode = "abi" if caller is None else "api"
         self._numbers, self._doubles, self._longs = map(self.ffi.typeof, (f"{self.real}[]", "double[]", "long[]"))
         self._number, self._pairs = map(self.ffi.typeof, (f"{self.real} *", "long[][2]"))

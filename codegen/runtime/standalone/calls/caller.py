@@ -19,6 +19,9 @@ from ..files.compiler import STANDARD, compiler_version
 
 SOURCES = [Path(__file__).with_name(name) for name in ("direct_call.h", "direct_states.h", "direct_call.c")]
 
+DIRECT = "fd"
+"""NumPy's characters for the types of arrays that ``direct_call.c`` reads and writes."""
+
 
 class CallerBuild(Build):
     """Compiles ``direct_call.c``, which is the same for all models.
