@@ -1,4 +1,4 @@
-"""Names that examples in docstrings use: NumPy, ordernm, and solvers of three models."""
+"""Names that examples in docstrings use: NumPy, ordernm, and solvers of four models."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "solver": ("double_pendulum", {"reactions": True, "frames": True}),
     "four_bar": ("four_bar", {"partitions": 2}),
     "shaken": ("shaken_pendulum", {}),
+    "pendulum": ("pendulum", {"functions": "accelerations,gradients,hessian_products"}),
 }
 """Name of the solver, model in `EXAMPLES`, options of `generate`."""
 

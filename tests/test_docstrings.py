@@ -40,7 +40,7 @@ FUNCTIONS = [
         "runtime.standalone.trajectory.trajectory": "Trajectory", "runtime.standalone.trajectory.events": "Event Crossing",
         "runtime.standalone.motion.functionals": "Final At Integral AtEvent LeastSquares Judged",
         "runtime.standalone.motion.ode": "Ode",
-        "runtime.standalone.state.derivatives": "Jacobians Gradients",
+        "runtime.standalone.state.derivatives": "Jacobians Gradients HessianProducts",
         "runtime.standalone.state.frame_motion": "FrameMotion PointMotion",
         "runtime.standalone.statics.equilibrium": "Equilibrium",
         "runtime.standalone.statics.linearization": "Linearization Matrices Modes",

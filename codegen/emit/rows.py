@@ -95,7 +95,7 @@ class RowWriter(SweepWriter):
     def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
         """Functions of the formulas of a target: for values, tangents and their transposes, if they are called."""
         result: dict[str, Any] = {
-            f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls", "names")
+            f"{kind}{part}": [] for kind in ("", "lane_", "back_", "twice_") for part in ("functions", "calls", "names")
         }
 
         ground = len(self.plan.links)
@@ -104,7 +104,7 @@ class RowWriter(SweepWriter):
                 slots = 1 + len(formula.rows[0][1])
 
                 def place(column: Column, store: Store, name: str, slots: int = slots) -> Located:
-                    if store.name in (target, f"d{target}"):
+                    if store.name.removesuffix("_bar") in (target, f"d{target}"):
                         return self.element(store.name, entry_from(column(0), int(name)), store.lanes)
                     if store.memory.region:
                         return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
@@ -134,6 +134,8 @@ class RowWriter(SweepWriter):
         made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
         if "back_" in parts and kind.transposed.stores:  # a formula that contains only numbers has no adjoint
             made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
+        if "twice_" in parts and kind.twice.stores:
+            made.append(("twice_", f"{name}_twice", kind.twice, f"tangent of the transposed tangent of {about}"))
         for part, called, block, what in made:
             if part in parts:
                 of_numbers = f"d{name}" if part else name

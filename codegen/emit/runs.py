@@ -22,7 +22,9 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Prefix of the function of a formula that a step calls: for values, tangents, or their transpose."""
+    """Prefix of the function of a formula that a step calls: for values, tangents, their transpose, or its tangent."""
+    if step.twice:
+        return "twice_"
     return "back_" if step.backwards else "lane_" if step.lanes else ""
 
 

@@ -73,13 +73,21 @@ class Writer(RowWriter):
         targets = {t for step in steps for t in step.targets}
         parts = {t: {part_of(step) for step in steps if t in step.targets} for t in targets}
         by_target = {t: self.formula_functions(t, parts[t]) for t in FORMULA_ORDER if t in targets}
-        for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards)):
+        for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards, s.twice)):
             functions, lines, names = (
                 [x for t in step.targets for x in by_target[t][f"{part_of(step)}{what}"]]
                 for what in ("functions", "calls", "names")
             )
             if lines:
-                of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
+                of = (
+                    "tangents of transposes of "
+                    if step.twice
+                    else "transpose of tangents of "
+                    if step.backwards
+                    else "tangents of "
+                    if step.lanes
+                    else ""
+                )
                 title = f"{of}{step.name.replace('_', ' ')}"
                 signature = self.signature(name_of(step), step.lanes, False)
                 if lines == [self.call(names[0], step.lanes, None)]:  # a single function is called directly

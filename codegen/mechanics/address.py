@@ -11,9 +11,11 @@ from .expansion import Program
 from .memory import SystemLayout
 from .stores import (
     BASE_LINK,
+    CE_DGP,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
     COUPLING_BLOCK,
+    DGP,
     EAR_RECORD,
     ELEMENT,
     ELEMENT_END,
@@ -180,7 +182,8 @@ class SystemAddresses(Addresses):
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)
         if memory is PER_PARAMETER_LANE:
-            return Address("dp", "dp", None, self._parameter(kind, sweep, store, int(name)))
+            region = "dgp" if store.plain in (DGP, CE_DGP) else "dp"
+            return Address(region, region, None, self._parameter(kind, sweep, store.plain, int(name)))
         region = store.name
         row: Row | None = None
         if memory in (ENERGY, ENERGY_LANE):

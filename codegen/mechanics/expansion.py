@@ -24,10 +24,12 @@ from ..program.progress import Progress, silent
 from ..program.store import Memory
 from ..records import dataclass
 from .patterns import GROUND_KIND, Patterns, Place, write_block
+from .second_order import Original, SecondOrder
+from .second_order import read_outside as read_outside_twice
 from .stores import LAID_OUT, LINK, RECORD, SLOT
 from .structure.kinds import UnitKind
 from .structure.system import System
-from .sweeps import FALLING, SWEEPS, Sweep
+from .sweeps import DIFFERENTIATED_TWICE, FALLING, SWEEPS, TWICE, Sweep, along_name
 
 
 @dataclass(slots=True)
@@ -133,12 +135,7 @@ def expand(
         patterns.overruled = False
         for sweep in chosen:
             patterns.settle(sweep)
-    field_use = FieldUse(program.read_outside)
-    for sweep in _timed(program, chosen, "expanding", progress):
-        for kind in sweep.kinds(system):
-            program.blocks[sweep.name][kind.index] = _written(patterns, field_use, sweep, kind)
-    if whole:
-        field_use.check()
+    chosen += _expand(program, patterns, chosen, wanted, progress, whole)
     linked = _links(program, patterns, chosen)
     _choose(program, linked)
     program.report.append(("expand", _Counter(program).total(), time.perf_counter() - start))
@@ -158,8 +155,30 @@ def expand(
     return program
 
 
-def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKind) -> Block:
-    """The block of a kind before simplification."""
+def _expand(
+    program: Program, patterns: Patterns, chosen: list[Sweep], wanted: set[str], progress: Progress, whole: bool
+) -> list[Sweep]:
+    """Write all blocks; returns the sweeps whose blocks follow from those of others (`second_order`)."""
+    system = program.system
+    field_use = FieldUse(program.read_outside)
+    originals: dict[str, dict[int, Original]] = {s: {} for s in DIFFERENTIATED_TWICE if along_name(s) in wanted}
+    for sweep in _timed(program, chosen, "expanding", progress):
+        for kind in sweep.kinds(system):
+            block, original = _written(patterns, field_use, sweep, kind)
+            program.blocks[sweep.name][kind.index] = block
+            if sweep.name in originals:
+                originals[sweep.name][kind.index] = original
+    if whole:
+        field_use.check()
+    if not originals:
+        return []
+    program.blocks |= SecondOrder(patterns, originals).blocks()
+    program.read_outside |= read_outside_twice(system)
+    return [s for s in TWICE if s.name in program.blocks]
+
+
+def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKind) -> tuple[Block, Original]:
+    """The block of a kind before simplification, and the same as it was written."""
     x = Expansion(
         f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
         partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
@@ -167,9 +186,10 @@ def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKi
     write_block(sweep, x, kind)
     patterns.check_loads(sweep, kind, x)
     field_use.note(sweep, x)
+    original = Original.of(x)
     block = x.finish()
     _check_pattern(patterns, kind, sweep, propagate_copies(block))
-    return block
+    return block, original.finished(block)
 
 
 def _timed(
@@ -314,7 +334,7 @@ def _lay_out(program: Program) -> None:
     """Order the fields of each memory by first use."""
     found: dict[Memory, dict[str, None]] = {m: {} for m in LAID_OUT if m is not SLOT}
     falling: dict[str, None] = {}
-    for sweep in SWEEPS:
+    for sweep in (*SWEEPS, *TWICE):
         slots: dict[str, None] = falling if sweep.name in FALLING else {}
         if sweep.name not in program.blocks:
             continue

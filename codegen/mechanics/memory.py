@@ -36,6 +36,7 @@ class SystemLayout(Layout):
         self.rows = {
             "records": links + 1, "near": system.slots, "ears": len(regions.ears), "couplings": regions.elimination.slots,
             "regions": len(regions.regions), "kept": links + 1, "kept_regions": len(regions.regions), "slots": system.slots,
+            "tangents": links + 1, "adjoints": links + 1, "adjoint_tangents": links + 1, "mass_tangents": links + 1,
             "lanes": links, "region_lanes": len(regions.regions), "columns": links,
         }  # fmt: skip
         self.near = {sweep: numbered(fields) for sweep, fields in program.transient.items()}

@@ -8,13 +8,14 @@ from ..program.addresses import Kind
 from ..program.digits import value_of
 from ..program.formula import Formula
 from ..program.plan import Ground, Plan, Swept
+from ..program.shape import Constants
 from ..program.store import Memory
 from .address import SystemAddresses
 from .expansion import Program
 from .fields import remainder
 from .memory import SystemLayout
 from .procedures import arrays
-from .stores import KEPT, LINK, RECORD
+from .stores import KEPT, LINK, RECORD, TANGENT
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, RegionKind, UnitKind
 from .structure.system import System
@@ -93,22 +94,37 @@ def _ground(program: Program) -> Ground:
     }
     kept = fields.keys() & read_of_ground(program, KEPT[RECORD])
     if g is None:
-        return Ground(fields, kept, {}, None, [], FALLING)
+        return Ground(fields, kept, {}, None, [], FALLING, [])
     shape = g.shape
     components = {name: shape.varying.get(name) or g.values.get(name, 0.0) for name in remainder.a.components}
+    slots = dict.fromkeys(n for s in FALLING for n in program.slots.get(s, ()))
+    tangents = [(name, _derivatives(program.system, g, name)) for name in slots if name in shape.varying]
     places = {n: k for k, n in enumerate(program.system.model.parameter_names)}
-    tangents = []
-    for name in dict.fromkeys(n for s in FALLING for n in program.slots.get(s, ())):
-        if name in shape.varying:
-            terms: list[tuple[float | str, int]] = []
-            for j, p in enumerate(g.parameters):
-                key = f"{name}/{j}"
-                if key in shape.fixed and value_of(shape.fixed[key]) != 0:
-                    terms.append((value_of(shape.fixed[key]), places[p]))
-                elif key in shape.varying:
-                    terms.append((shape.varying[key], places[p]))
-            tangents.append((name, terms))
-    return Ground(fields, kept, components, g, tangents, FALLING)
+    twice = []
+    for name in program.fields.get(TANGENT, ()):
+        if of_gravity.get(name) in shape.varying:
+            first = _derivatives(program.system, g, of_gravity[name])
+            second = [
+                (factor, places[p], k)
+                for j, p in enumerate(g.parameters)
+                for factor, k in _derivatives(program.system, g, f"{of_gravity[name]}/{j}")
+            ]
+            twice.append((name, first, second))
+    return Ground(fields, kept, components, g, tangents, FALLING, twice)
+
+
+def _derivatives(system: System, g: Constants, name: str) -> list[tuple[float | str, int]]:
+    """The derivatives of a constant of gravity that are not zero, as numbers or constants, each with its parameter."""
+    shape = g.shape
+    places = {n: k for k, n in enumerate(system.model.parameter_names)}
+    terms: list[tuple[float | str, int]] = []
+    for j, p in enumerate(g.parameters):
+        key = f"{name}/{j}"
+        if key in shape.fixed and value_of(shape.fixed[key]) != 0:
+            terms.append((value_of(shape.fixed[key]), places[p]))
+        elif key in shape.varying:
+            terms.append((shape.varying[key], places[p]))
+    return terms
 
 
 def read_of_ground(program: Program, memory: Memory) -> set[str]:

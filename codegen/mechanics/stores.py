@@ -20,7 +20,16 @@ REGION_LANE = Memory("region lane", True, region="region_lanes")
 COLUMN = Memory("column", True, region="columns")
 """Columns of matrices that are computed all at once; a link has the columns that concern it."""
 
-LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK)
+TANGENT = Memory("tangent", True, region="tangents")
+ADJOINT, ADJOINT_LANE = Memory("adjoint", region="adjoints"), Memory("adjoint", True, region="adjoint_tangents")
+MASS_LANE = Memory("adjoint", True, region="mass_tangents")
+"""For products with second derivatives: tangents of records, adjoints of records for one vector of weights, their tangents, and
+the part of these that the mass matrix determines; see `second_order`."""
+
+LAID_OUT = (
+    RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK, TANGENT, ADJOINT, ADJOINT_LANE,
+    MASS_LANE,
+)  # fmt: skip
 """Memory whose fields get their places from the layout; all other places are known beforehand."""
 
 KEPT = {
@@ -142,6 +151,22 @@ COEFFICIENT, DCOEFFICIENT = (
 """Coefficients of force elements with an energy; they depend on time and inputs only if the energy does."""
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
 """Coefficients of force elements without an energy."""
+
+FORCE_BAR, DFORCE_BAR = Store("force_bar", LINK, PER_SPEED), Store("dforce_bar", LINK, PER_SPEED_LANE)
+TAU_BAR, DTAU_BAR = Store("tau_bar", LINK, PER_SPEED), Store("dtau_bar", LINK, PER_SPEED_LANE)
+UDOT_BAR, DUDOT_BAR = Store("udot_bar", LINK, PER_SPEED), Store("dudot_bar", LINK, PER_SPEED_LANE)
+MOTION_BAR, DMOTION_BAR = Store("prescribed_bar", LINK, PER_MOTION), Store("dprescribed_bar", LINK, PER_MOTION_LANE)
+COEFFICIENT_BAR, DCOEFFICIENT_BAR = (
+    Store("coefficient_bar", ELEMENT, COEFFICIENTS),
+    Store("dcoefficient_bar", ELEMENT, COEFFICIENTS_LANE),
+)
+DRIVE_BAR, DDRIVE_BAR = Store("drive_bar", ELEMENT, COEFFICIENTS), Store("ddrive_bar", ELEMENT, COEFFICIENTS_LANE)
+"""Adjoints of the missing joint forces (the virtual motion), of joint forces, udot, prescribed motion and coefficients."""
+GQ, DGQ = Store("gq", LINK, PER_COORDINATE), Store("dgq", LINK, PER_COORDINATE_LANE)
+GU, DGU = Store("gu", LINK, PER_SPEED), Store("dgu", LINK, PER_SPEED_LANE)
+GP, DGP = Store("gp", LINK, PER_PARAMETER), Store("dgp", LINK, PER_PARAMETER_LANE)
+CE_GP, CE_DGP = Store("cegp", ELEMENT, PER_PARAMETER), Store("cedgp", ELEMENT, PER_PARAMETER_LANE)
+"""Gradients of a weighted sum."""
 
 TANGENT_OF = {
     SPEEDS: DU,

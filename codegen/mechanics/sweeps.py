@@ -213,6 +213,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("mass_in", "product M x, inward", balance.mass_inward, INWARD, lanes=True),
     Sweep("found_motion", "accelerations of the forward dynamics, and required forces (Eqs. 19, 24)",
           inverse_dynamics.balance_start, OUTWARD),
+    Sweep("missing_forces", "joint forces that udot requires in addition to those of the model (Eq. 45)",
+          inverse_dynamics.missing_forces, INWARD),
     Sweep("turning", "response to rotation, inward (derivatives of Eqs. 21, 24, 45)", turning.turning, INWARD),
     Sweep("column_clear", "columns: forces set to zero", columns.column_clear, OUTWARD, lanes=True, groups="below"),
     Sweep("column_rest", "columns: right sides that are zero", columns.column_rest, OUTWARD, lanes=True, groups="rest"),
@@ -286,5 +288,40 @@ def _together() -> list[Sweep]:
     ]
 
 
+DIFFERENTIATED_TWICE = ("rotations", "pose", "velocities", "clear", "loads", "found_motion", "missing_forces")
+"""Sweeps of the inverse dynamics, in their order; see `second_order`."""
+
+
+def along_name(sweep: str) -> str:
+    """Name of the tangent of a sweep, which stores the tangents of all values."""
+    return f"{sweep}_along"
+
+
+def adjoint_name(sweep: str) -> str:
+    """Name of the adjoint of a sweep, for one vector of weights."""
+    return f"{sweep}_adjoint"
+
+
+def mass_name(sweep: str) -> str:
+    """Name of the part of the adjoint's tangent that the mass matrix determines."""
+    return f"{sweep}_mass_along"
+
+
+def _twice() -> list[Sweep]:
+    """The sweeps that `second_order` derives from others: all tangents, then all adjoints with their tangents."""
+    found = [SWEEP[name] for name in DIFFERENTIATED_TWICE]
+    tangents = [replace(s, name=along_name(s.name), title=f"tangent of {s.title}", lanes=True) for s in found]
+    adjoints = []
+    for s in reversed(found):
+        turned = replace(s, direction=INWARD if s.direction == OUTWARD else OUTWARD)
+        name, title = adjoint_name(s.name), f"adjoint of {s.title}"
+        adjoints.append(replace(turned, name=name, title=title))
+        for of in (mass_name(s.name), along_name(name)):
+            adjoints.append(replace(turned, name=of, title=f"tangent of the {title}", lanes=True))
+    return [*tangents, *adjoints]
+
+
 SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)), *_together())}
+TWICE = _twice()
+SWEEP |= {s.name: s for s in TWICE}
 """All sweeps by name, including transposes."""

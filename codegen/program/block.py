@@ -250,7 +250,12 @@ class Expansion(Scope):
         self._nonzero = nonzero
         self._number = number
         self._alias = alias
-        self._recalled: dict[Symbol, Component] = {}
+        self.recalled: dict[Symbol, Component] = {}
+        """Values that an earlier block has stored, and that need not be computed; see `recall`."""
+        self.stored_before: list[tuple[Store, str, Expr]] = []
+        """All values that an earlier block has stored."""
+        self.equal: dict[Symbol, Expr] = {}
+        """Values that equal others up to rounding, and have their tangents."""
         self._loaded: dict[Component, Expr] = {}
         self._named: dict[Expr, Expr] = {}
         self._named_up_to_sign: set[Hashable] = set()
@@ -328,8 +333,20 @@ class Expansion(Scope):
         self._check(store, field)
         for name, part in field.parts(value):
             self.reads[store, name] = field
+            self.stored_before.append((store, name, algebra.expression(part)))
             if isinstance(part, Symbol) and part not in self.block.loads:
-                self._recalled[part] = (store, name)
+                self.recalled[part] = (store, name)
+
+    def resume(self, block: Block) -> Expansion:
+        """Continue a finished block: its loads, names and stores are known."""
+        self.block.loads, self.block.statements = dict(block.loads), list(block.statements)
+        self.block.stores = list(block.stores)
+        self._loaded |= {at: symbol for symbol, at in block.loads.items()}
+        for s in block.statements:
+            self._named.setdefault(s.expression, s.target)
+            self._named_up_to_sign.add(up_to_sign(s.expression))
+        self.reserve(s.name for s in (*block.loads, *(s.target for s in block.statements)))
+        return self
 
     def reserve(self, names: Iterable[str]) -> None:
         """Exclude names from the symbols that are made from now on."""
@@ -343,8 +360,8 @@ class Expansion(Scope):
             for i, (store, name, value) in enumerate(self.block.stores)
             if (value is not algebra.ZERO if store.adds else last[store, name] == i)
         ]
-        self.block.statements = [s for s in self.block.statements if s.target not in self._recalled]
-        self.block.loads.update(self._recalled)
+        self.block.statements = [s for s in self.block.statements if s.target not in self.recalled]
+        self.block.loads.update(self.recalled)
         return self.block
 
     def find(self, value: Expr) -> Expr | None:

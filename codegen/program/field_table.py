@@ -64,7 +64,7 @@ def identifier(component: str) -> str:
     parameters, ``first_moment_x_d1``.
     """
     plain, _, parameter = component.partition("/")
-    return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
+    return f"{_found(plain)[0]}_d{parameter.replace('/', '_d')}" if parameter else _found(plain)[0]
 
 
 def field_of(component: str) -> AnyField | None:

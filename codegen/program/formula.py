@@ -6,9 +6,10 @@ from dataclasses import field
 from functools import cached_property
 
 from ..records import dataclass
-from .block import Block
+from .block import Block, Component, Expansion
 from .passes import simplify
-from .store import MARGIN
+from .second_order import adjoint, along
+from .store import MARGIN, MODES, NUMBER, Store, argument
 from .transpose import transposed
 
 Row = tuple[int, tuple[int, ...], list[int], list[float]]
@@ -50,3 +51,20 @@ class Formula:
         made = transposed(self.tangent, f"{self.tangent.name}_transposed", f"transpose of {self.tangent.title}")
         made.stores += [s for s in self.tangent.stores if s[0].memory is MARGIN]
         return simplify(made)
+
+    @cached_property
+    def twice(self) -> Block:
+        """From the adjoint of a result and its tangent, compute the contributions to the tangents of the gradients."""
+
+        def place(store: Store) -> Store:
+            name = store.name.removeprefix("d")
+            return argument(f"{name}_bar" if name == self.target else f"g{name}")
+
+        back = adjoint(self.tangent, f"{self.tangent.name}_adjoint", "", place, lambda store, name: True)
+
+        def tangent_of(store: Store, name: str) -> Component | None:
+            return None if store is NUMBER or store is MODES else (argument(f"d{store.name}", lanes=True), name)
+
+        title = f"tangent of the adjoint of {self.value.title}"
+        x = Expansion(f"{self.tangent.name}_twice", title, lambda store, name: True).resume(back)
+        return simplify(along(x, tangent_of))

@@ -87,6 +87,8 @@ class Ground:
         Components with a non-zero tangent: a number or constant for each parameter on which it depends.
     sweeps : tuple of str
         Sweeps that begin with the tangent.
+    twice : list of (str, list of (float or str, int), list of (float or str, int, int))
+        Components whose tangents functions with second derivatives read: first and second derivatives, by parameter.
     """
 
     fields: dict[str, float | str]
@@ -95,6 +97,7 @@ class Ground:
     constants: Constants | None
     tangents: list[tuple[str, list[tuple[float | str, int]]]]
     sweeps: tuple[str, ...]
+    twice: list[tuple[str, list[tuple[float | str, int]], list[tuple[float | str, int, int]]]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,9 @@ GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
 GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
 PASSING_ADJOINTS = "adjoints that links pass on"
+ADJOINT_VALUES, ADJOINT_TANGENTS, GROUND_TWICE = "adjoints of values", "tangents of adjoints", "the ground's adjoint"
 """Preparations outside of the sweeps: constants from parameters; sines and cosines; the state of the ground, which accelerates by
--g or, for the mass matrix, not at all; memory of directions, set to zero before transposed sweeps."""
+-g or, for the mass matrix, not at all; memory of directions, or of one vector of weights, cleared before transposed sweeps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +67,13 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, their tangents, or the transposes of these."""
+    """Evaluate the model's own formulas of some targets, their tangents, the transposes of these, or their tangents (`twice`)."""
 
     name: str
     targets: tuple[str, ...]
     lanes: bool = False
     backwards: bool = False
+    twice: bool = False
 
     def tangents(self) -> Formulas:
         return replace(self, lanes=True)
@@ -82,7 +84,8 @@ class Formulas:
     @property
     def called(self) -> str:
         """Name of the function."""
-        return f"{self.name}{'_transposed' if self.backwards else '_tangents' if self.lanes else ''}"
+        of_lanes = "twice" if self.twice else "transposed" if self.backwards else "tangents"
+        return f"{self.name}_{of_lanes}" if self.lanes else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -355,28 +358,9 @@ class IfAsked:
 
 
 Step = (
-    Run
-    | Formulas
-    | Prepare
-    | Own
-    | Bind
-    | Hold
-    | Zero
-    | Copy
-    | CopyEntry
-    | AddEntry
-    | ZeroEntries
-    | Combine
-    | Check
-    | Tolerate
-    | Perform
-    | Single
-    | Columns
-    | AllColumns
-    | Primitives
-    | Together
-    | IfAsked
-)
+    Run | Formulas | Prepare | Own | Bind | Hold | Zero | Copy | CopyEntry | AddEntry | ZeroEntries | Combine |
+    Check | Tolerate | Perform | Single | Columns | AllColumns | Primitives | Together | IfAsked
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

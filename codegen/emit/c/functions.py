@@ -380,7 +380,11 @@ class Lines:
         if not step.steps:  # a model without speeds has no such sweeps
             return []
         lines = ["open_1(&one, &c, work);"]
-        lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]
+        given = () if self.procedure is None else (*self.procedure.arguments, *self.procedure.results)
+        lines += [
+            f"one.{a.name} = (lanes_1 *){of.name if of in given else self.array(of)};"
+            for a, of in (*step.reads, *step.writes)
+        ]
         return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
 
     def columns(self, step: steps.Columns) -> list[str]:

@@ -9,7 +9,7 @@ from ...program.field_table import identifier
 from ..function import Function
 from .functions import in_all
 from .memory import CMemory
-from .types import TYPES, near_name
+from .types import TWICE, TYPES, near_name
 
 FEW_ANGLES = 16
 """Up to this many angles are passed as variables; in longer lists, angles are in memory well before they are read."""
@@ -94,6 +94,41 @@ class CPrepared(CMemory):
             for factor, p in terms
         ]
 
+    def no_adjoints(self) -> list[str]:
+        """Lines that set the adjoints for one vector of weights to zero."""
+        return [
+            f"for (long i = 0; i < {n}L; ++i) (({self.scalar.word} *)a->{name})[i] = {in_all(self.zero)};"
+            for name, _, n in self.regions()
+            if name == "adjoints"
+        ]
+
+    def no_tangents(self) -> list[str]:
+        """Lines that set the tangents of adjoints to zero, and the tangents of the ground's values."""
+        lines = []
+        for name, _, n in self.regions():
+            if name in TWICE:
+                first = n - n // self.layout.rows[name] if name == "tangents" else 0
+                lines.append(f"for (long i = {first}L; i < {n}L; ++i) ((LANES *)a->{name})[i] = NOTHING;")
+        return lines
+
+    def ground_along(self) -> list[str]:
+        """Lines that set the tangent of the ground's record."""
+        lines = []
+        for name, first, _ in self.plan.ground.twice:
+            text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}].at[h]" for factor, p in first) or "(VECTOR){0}"
+            lines.append(f"EACH_VECTOR a->tangents[LINKS].{identifier(name)}.at[h] = {text};")
+        return lines
+
+    def ground_twice(self) -> list[str]:
+        """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""
+        lines = []
+        for name, first, second in self.plan.ground.twice:
+            along, value = f"a->adjoint_tangents[LINKS].{identifier(name)}", f"a->adjoints[LINKS].{identifier(name)}"
+            terms = [(p, f"{self._gravity(factor)}*{along}.at[h]") for factor, p in first]
+            terms += [(p, f"{self._gravity(factor)}*{value}*a->dp[{k}].at[h]") for factor, p, k in second]
+            lines += [f"EACH_VECTOR a->dgp[{p}].at[h] += {text};" for p, text in terms]
+        return lines
+
     # -- the files -------------------------------------------------------------------------------------------------
 
     @property
@@ -151,10 +186,16 @@ class CPrepared(CMemory):
                 return self.ground_tangent()[1]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return self.ground_transposed()
+            case procedures.ADJOINT_VALUES:
+                return self.no_adjoints()
+            case procedures.ADJOINT_TANGENTS:
+                return [*self.no_tangents(), *self.ground_along()]
+            case procedures.GROUND_TWICE:
+                return self.ground_twice()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
                     f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
                     for name, lanes, n in self.regions()
-                    if lanes and name != "columns" and (name != "lanes" or what == procedures.ADJOINTS)
+                    if lanes and name not in ("columns", *TWICE) and (name != "lanes" or what == procedures.ADJOINTS)
                 ]
         return []

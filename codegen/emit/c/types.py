@@ -13,6 +13,8 @@ TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
     "kept_regions": "region_kept", "columns": "link_columns",
+    "tangents": "link_tangents", "adjoints": "link_adjoints", "adjoint_tangents": "link_adjoint_tangents",
+    "mass_tangents": "link_mass_tangents",
 }  # fmt: skip
 """Type name of a row of each region of memory."""
 
@@ -23,6 +25,10 @@ ABOUT = {
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
     "lanes": "Values of a link per direction.", "region_lanes": "Values of a region of loops per direction.",
     "columns": "Values of a link per column of a matrix.",
+    "tangents": "Tangents of a link's values per direction.",
+    "adjoints": "Adjoints of a link's values, for one vector of weights.",
+    "adjoint_tangents": "Tangents of these adjoints per direction.",
+    "mass_tangents": "The part of these tangents that the mass matrix determines.",
     "slots": "Values per direction that neighbouring links exchange: scratch memory of each sweep.",
 }  # fmt: skip
 """Description of the memory in each region, for comments of generated code."""
@@ -30,7 +36,10 @@ ABOUT = {
 ENERGIES = ("KINETIC", "POTENTIAL")
 """Names of the entries in the array of energies."""
 
-LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns")
+TWICE = ("tangents", "adjoint_tangents", "mass_tangents")
+"""Regions of functions with second derivatives, with a value for every direction."""
+
+LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns", *TWICE)
 """Regions with a value for every direction."""
 
 

@@ -131,7 +131,8 @@ class _Lines:
                 names = [a.name for a in (*step.plus, *step.minus)]
                 terms = " + ".join(a.name for a in step.plus) + "".join(f" - {a.name}" for a in step.minus)
                 arrays = ", ".join(f"a.{n}" for n in names)
-                return [f"a.{step.to.name} = [{terms} for {', '.join(names)} in zip({arrays})]"]
+                each = f"zip({arrays})" if len(names) > 1 else arrays
+                return [f"a.{step.to.name} = [{terms.strip()} for {', '.join(names)} in {each}]"]
             case steps.Single():
                 return self.single(step)
             case steps.Columns():

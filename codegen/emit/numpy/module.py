@@ -184,6 +184,16 @@ class NumpyWriter(Writer):
                     for name, terms in self.plan.ground.tangents
                     for factor, p in terms
                 ]
+            case procedures.ADJOINT_VALUES:
+                return ["a.adjoints = [Adjoints() for _ in a.records]"]
+            case procedures.ADJOINT_TANGENTS:
+                regions = [r for r in ("tangents", "adjoint_tangents", "mass_tangents") if self.layout.fields[r]]
+                return [
+                    *(f"a.{region} = [Adjoints() for _ in a.records]" for region in regions),
+                    *(f"a.tangents[GROUND]{_key(n)} = {self._along(first)}" for n, first, _ in self.plan.ground.twice),
+                ]
+            case procedures.GROUND_TWICE:
+                return self.ground_twice()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return self.adjoints()
         return []
@@ -214,6 +224,16 @@ class NumpyWriter(Writer):
         model = self.model
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
         return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.plan.arrays.items()]
+
+    def ground_twice(self) -> list[str]:
+        """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""
+        lines = []
+        for name, first, second in self.plan.ground.twice:
+            along, value = (f"a.{region}[GROUND]{_key(name)}" for region in ("adjoint_tangents", "adjoints"))
+            terms = [(p, f"{self._gravity(factor)}*{along}") for factor, p in first]
+            terms += [(p, f"{self._gravity(factor)}*{value}*a.dp[{k}]") for factor, p, k in second]
+            lines += [f"a.dgp[{p}] = a.dgp[{p}] + {text}" for p, text in terms]
+        return lines
 
     def _along(self, terms: list[tuple[float | str, int]]) -> str:
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"

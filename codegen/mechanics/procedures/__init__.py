@@ -17,13 +17,14 @@ from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
+from .second_order import HESSIAN_PRODUCTS, hessian_products
 from .shared import Shared
 from .swept import checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
+    "HESSIAN_PRODUCTS", "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
     "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
@@ -62,7 +63,7 @@ def procedures(
         Includes reactions and, unless `functions` are given, their derivatives.
     functions : collection of str, optional
         The functions to include, by their names, the names of solver members, or the words in `GROUPS`; by default all except
-        reactions and frames.
+        reactions, frames and products with second derivatives.
     frames : bool
         Includes frames.
     moves : bool
@@ -77,6 +78,8 @@ def procedures(
     if frames or functions is not None:
         found += tuple(frames_of(w))
     if functions is not None:
+        if HESSIAN_PRODUCTS in functions or (system.model.nu and not w.loops):
+            found += (hessian_products(w),)
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if not moves:
         found = without_motions(found, functions)

@@ -33,7 +33,7 @@ def mass(w: Shared) -> list[Procedure]:
         return (Own(right), Zero(right), Own(found), Columns(right, sweeps, (Take(into, found, symmetric=True),)))
 
     matrix = by_columns(run("mass_out", "mass_in"), dforce, M)
-    inverted = by_columns(_SOLVE, dudot, inverse)
+    inverted = by_columns(SOLVE, dudot, inverse)
     if columns.applies(w.system):
         matrix = (Together((*run("composite"), columns.mass(w)), matrix),)
         inverted = (Together((columns.inverse_mass(w),), inverted),)
@@ -64,7 +64,7 @@ def mass(w: Shared) -> list[Procedure]:
     ]
 
 
-_SOLVE = run("solve_in", "balance_back")
+SOLVE = run("solve_in", "balance_back")
 """Sweeps that solve ``M x = b`` for the right sides of all directions."""
 
 
@@ -85,7 +85,7 @@ def _solution(w: Shared) -> list[Procedure]:
     """The solution of M x = b, and its derivative."""
     udot, force, dforce, b, x, dx, db, dudot = w.of("udot", "force", "dforce", "b", "x", "dx", "db", "dudot")
     right = b.tangent("b")
-    values: tuple[Step, ...] = (*_factors(w), Single(_SOLVE, ((right, b),), ((dudot, x),)))
+    values: tuple[Step, ...] = (*_factors(w), Single(SOLVE, ((right, b),), ((dudot, x),)))
     return w.pair(
         ("solve_mass", "solve_mass_sensitivities"),
         ("Solution of M x = b in O(n).", "Solution of M x = b and its total derivative along seeds."),
@@ -101,7 +101,7 @@ def _solution(w: Shared) -> list[Procedure]:
             Combine(dforce, (db,), (dforce,)),
             Bind(right, dforce),
             Bind(dudot, dx),
-            *_SOLVE,
+            *SOLVE,
         ),
     )
 

@@ -96,13 +96,13 @@ class Shared:
         u, dq, du = self.of("u", "dq", "du")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         motions = tuple(m.tangents() for m in self.motions)
-        self.start = _performed(
+        self.start = performed(
             "start",
             "Computes quantities of single links: constants, sines and cosines, rotation matrices.",
             (Prepare(CONSTANTS), Prepare(GROUND), *self.motions, Prepare(ANGLES), *run("rotations"), *held),
         )
         self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
-        close = _performed(
+        close = performed(
             "close",
             "Completes the seeds: entries of dependent coordinates and speeds follow from the others.",
             (Hold(dq, dq.called("given_dq")), Hold(du, du.called("given_du")), *motions, *run("turns", "complete")),
@@ -110,34 +110,35 @@ class Shared:
         self.along: tuple[Step, ...] = (close,) if self.loops else ()
         # the completion of seeds begins with these sweeps
         self.turns: tuple[Step, ...] = () if self.loops else (*motions, *run("turns"))
-        self.ground_tangent = _performed("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
+        self.ground_tangent = performed("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
 
     def _apply(self) -> None:
         """Steps that apply the forces of force elements."""
-        coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
+        counts = self.system.coefficient_counts
+        coefficients = self.coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & counts.keys()]
         known = (POSE, VELOCITY)
         applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))
         tangents: tuple[Step, ...] = (*(c.tangents() for c in coefficients), *(s for x in known for s in x.tangents))
         self.applied: tuple[Step, ...] = ()
         self.applied_tangents: tuple[Step, ...] = ()
         if self.elements:
-            self.applied = (_performed("applied_forces", "Forces of force elements on links.", applied), Check())
+            self.applied = (performed("applied_forces", "Forces of force elements on links.", applied), Check())
             tangents = (*tangents, *run("clear_tangents", "load_tangents"))
-            self.applied_tangents = (_performed("applied_force_tangents", "Their tangents along the seeds.", tangents),)
+            self.applied_tangents = (performed("applied_force_tangents", "Their tangents along the seeds.", tangents),)
 
     def _solve(self) -> None:
         """Routines for forward dynamics and for its derivative."""
         forces = (*self.forces, *self.held)
         sweeps: tuple[Step, ...] = (*run("kinematics", "triangularize"), Check(), *run("back_substitute"))
         steps: tuple[Step, ...] = (*forces, *self.applied[:1], *sweeps)
-        self.forward: tuple[Step, ...] = (_performed("forward", "Forward dynamics: the three sweeps.", steps),)
+        self.forward: tuple[Step, ...] = (performed("forward", "Forward dynamics: the three sweeps.", steps),)
         before: tuple[Step, ...] = (
             *(f.tangents() for f in forces),
             self.ground_tangent,
             *self.turns,
             *self.applied_tangents,
         )
-        self.balance = _performed(
+        self.balance = performed(
             "balance",
             "Computes dudot from the seeds, with the factors and accelerations of the forward dynamics.",
             (*before, *run("balance_out", "balance_in", "balance_back")),
@@ -154,7 +155,7 @@ class Shared:
         stopped = (ZeroEntries(motion, moving),) if moving else ()
         stopped_along = (ZeroEntries(motion.tangent(), moving),) if moving else ()
         forces: tuple[Step, ...] = (*((Zero(tau),) if self.forces else ()), Prepare(GROUND_AT_REST))
-        self.at_rest = _performed(
+        self.at_rest = performed(
             "at_rest",
             "Sets speeds, gravity and applied forces to zero, so that the joint forces are M udot.",
             (Own(u), Zero(u), *stopped, *forces, *(run("clear") if self.elements else ())),
@@ -163,7 +164,7 @@ class Shared:
             Prepare(GROUND_TANGENT_AT_REST, True),
             *(run("clear_tangents") if self.elements else ()),
         )
-        self.mass_tangent = _performed(
+        self.mass_tangent = performed(
             "mass_tangent",
             "Tangent of M x along dq and dp at fixed x = udot; the result force is M x.",
             (*stopped_along, *cleared, *run("inverse_out", "force_tangents")),
@@ -183,6 +184,6 @@ class Shared:
         return values, tangents
 
 
-def _performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
+def performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
     """A step that runs a routine made of these steps."""
     return Perform(Routine(name, doc, steps))

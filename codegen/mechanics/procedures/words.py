@@ -32,6 +32,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "point_places": ("3*npoints",),
     "masses": ("4",), "momenta": ("6",),
     "modes": ("nswitches",), "switches": ("nswitches",),
+    "gq": ("nq",), "gu": ("nu",), "gp": ("np",), "ginputs": ("ninputs",), "gt": (),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results, by the name of the array."""

@@ -6,8 +6,11 @@ side is minus the tangent of the inverse dynamics at the acceleration just found
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from ...program import algebra
 from ...program.algebra import Symbol
-from ...program.block import Scope
+from ...program.block import Expansion, Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -15,7 +18,7 @@ from ..joints import LinkJoint
 from ..propagation import accumulate_force
 from ..rotors import rotor, rotor_force_change
 from ..spatial import add, is_zero
-from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
+from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, TAU, UDOT, UP
 from ..structure.kinds import LinkKind
 from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia
 from .tangents import differentiate, pattern, store_tangents, tangent
@@ -52,6 +55,8 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
             if isinstance(value, Symbol):
                 same[value] = computed
             found[-1].append(value)
+    if isinstance(x, Expansion):
+        x.equal |= {s: algebra.expression(v) for s, v in same.items()}
     return found[0], found[1], same
 
 
@@ -83,9 +88,14 @@ def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
         x.store(MY_LANE, fields.needed, less_external(x, kind, [tangent(d, e) for e in needed], lanes=True))
 
 
-def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
-    """Forces transmitted by the joints; their components along the degrees of freedom are the joint forces of the
-    inverse dynamics."""
+def missing_forces(x: Scope, kind: LinkKind) -> None:
+    """`newton_euler_inward` without the model's own joint forces: zero for the udot of forward dynamics."""
+    newton_euler_inward(x, kind, [x.entry(TAU, j) if forced else 0 for j, forced in enumerate(kind.forced)])
+
+
+def newton_euler_inward(x: Scope, kind: LinkKind, known: Sequence[Value] = ()) -> None:
+    """Forces transmitted by the joints; their components along the degrees of freedom, minus known ones, are the joint
+    forces of the inverse dynamics."""
     let = x.let
     joint = kind.joint(x, kind)
     phi: Vector = []
@@ -101,7 +111,8 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
             d_phi.append(let("dphi", d_own + d_children, "d Eq. 45", lanes=True))
     for j, s in enumerate(joint.columns):
         along, own = s.along(phi), rotor(x, kind, j)
-        x.set_entry(FORCE, j, along if is_zero(own) else along + own * x.entry(UDOT, j))
+        force = along if is_zero(own) else along + own * x.entry(UDOT, j)
+        x.set_entry(FORCE, j, force - known[j] if known else force)
         if x.tangents:
             x.set_entry(DFORCE, j, s.along(d_phi) + s.change(x, phi) + rotor_force_change(x, kind, j))
     if kind.has_parent:

@@ -26,7 +26,7 @@ from .motion.functionals import Functional, Judged
 from .motion.ode import Ode
 from .motion.run import Progress
 from .motion.settings import ATOL, METHOD, MOST_STEPS, RTOL, Settings, Start
-from .state.derivatives import Gradients, Jacobians
+from .state.derivatives import HESSIAN_PRODUCTS, Gradients, HessianProducts, Jacobians
 from .state.frame_motion import FrameMotion, PointMotion
 from .state.frames import Bodies, Frames, Points
 from .state.jacobians import jacobians
@@ -932,6 +932,53 @@ class Solver(Package):
     @functools.cached_property
     def _gradients(self) -> WeightedGradients:
         return WeightedGradients(self, self._states)
+
+    # -- second derivatives --------------------------------------------------------------------------------------------
+
+    def hessian_products(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
+        dq: Numbers = None, du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Numbers = None,
+        out: Any = None,
+    ) -> HessianProducts:  # fmt: skip
+        """Return products of the Hessian of ``sum_i weights_i udot_i`` with directions, exact to rounding.
+
+        They are the changes of its gradient (`gradients`) along the directions. The function is generated on request,
+        with ``--functions``, for models without closed loops.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (..., nu)
+            Weights of the entries of udot.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed.
+        out : tuple of ndarray, optional
+            Arrays for the five results.
+
+        Returns
+        -------
+        HessianProducts
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> pendulum.hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0]).q.round(3)  # g sin(q)
+        array([[4.703]])
+        """
+        given = (q, u, p, inputs, t, weights)
+        try:
+            return HessianProducts(*self._call(HESSIAN_PRODUCTS, given, (dq, du, dp, dinputs, dt), out))
+        except ValueError:
+            self._arguments.array("weights", weights, "weights")  # whose message has the name that users know
+            raise
 
     # -- energies ------------------------------------------------------------------------------------------------------
 

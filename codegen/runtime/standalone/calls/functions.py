@@ -24,6 +24,7 @@ TAKES = {
     "inverse_mass_matrix": ("q", "p", "inputs", "t"),
     "solve_mass": ("q", "p", "inputs", "t", "b"),
     "inverse_dynamics": (*STATE, "udot"),
+    "hessian_products": (*STATE, "b"),
     "initial": ("p",),
     "point_place": ("p",),
     "newton_step": ("q", "p", "inputs", "t"),
@@ -106,7 +107,7 @@ SOMETIMES = (
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "assemble_gradients", "hessian_products", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that some packages lack."""
@@ -211,7 +212,8 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     )
     nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
     return {
-        "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
+        "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,), "weights": (nu,),
+        "gq": (nq,), "gu": (nu,), "gp": (n_p,), "ginputs": (ninputs,), "gt": (),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
         "inverse_M": (nu, nu),
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
@@ -226,7 +228,7 @@ def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """Names of the entries of arguments and results that may be given by name."""
     q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
     return {
-        "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+        "q": q, "u": u, "udot": u, "b": u, "weights": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
         "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
     }  # fmt: skip
 
@@ -246,7 +248,7 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
     of = name.removesuffix("_transposed").removesuffix("_sensitivities")
     takes = TAKES.get(of) or TAKES.get(of.removesuffix("s"), STATE)
     order = (*STATE, *(n for n in takes if n not in STATE))
-    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in order if seeds)
+    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in order if seeds and (n, name) != ("b", "hessian_products"))
     return Function(
         name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions
     )  # fmt: skip

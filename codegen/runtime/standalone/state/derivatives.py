@@ -121,3 +121,31 @@ class Gradients(NamedTuple):
     p: Array
     inputs: Array
     t: Array
+
+
+class HessianProducts(NamedTuple):
+    """Products of a Hessian with k directions: the changes of the gradient by every argument.
+
+    Attributes
+    ----------
+    q : ndarray (k, ..., nq)
+        By the coordinates.
+    u : ndarray (k, ..., nu)
+        By the speeds.
+    p : ndarray (k, ..., np)
+        By the design parameters.
+    inputs : ndarray (k, ..., ninputs)
+        By the inputs.
+    t : ndarray (k, ...)
+        By time.
+    """
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    t: Array
+
+
+HESSIAN_PRODUCTS = Wanted("hessian_products", [f"dg{n}" for n in JACOBIANS])
+"""Changes of the gradients by all arguments, including those that are structurally zero."""

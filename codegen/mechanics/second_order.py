@@ -1,0 +1,338 @@
+"""Second derivatives of the forward dynamics: blocks that follow from those of the inverse dynamics.
+
+Let ``f = w . udot``, and let r be the missing joint forces of the inverse dynamics, zero for the udot of forward dynamics.
+With the virtual motion ``M z = -w``, the gradient of f is that of ``z . r`` at fixed z and udot. Along a direction:
+
+    M dudot = -dr at fixed udot        M dz = -d(M z) at fixed z        d(gradient) = tangent of the adjoint, with dudot and dz
+
+No tangent of an articulated inertia occurs: both solutions use the factors of forward dynamics. The adjoint of udot is ``M z``.
+
+Every sweep of values gives four more (`sweeps.TWICE`): its tangent, its adjoint, the tangent of its adjoint, and the part of
+this tangent from which ``d(M z)`` follows. See `codegen.program.second_order`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from ..program import algebra
+from ..program.algebra import Expr, Symbol
+from ..program.block import Block, Component, Expansion
+from ..program.derivatives import Tangents, of_symbols
+from ..program.passes import drop_dead, simplify
+from ..program.second_order import Primitives, adjoint, along
+from ..program.shape import Shape
+from ..program.store import SHAPE, Memory, Store
+from ..records import dataclass
+from .patterns import GROUND_KIND, Patterns, Place
+from .stores import (
+    ADJOINT,
+    ADJOINT_LANE,
+    CE_DGP,
+    CE_DP,
+    CE_GP,
+    CE_PARAMETER,
+    COEFFICIENT,
+    COEFFICIENT_BAR,
+    CONSTANTS,
+    COORDINATES,
+    DCOEFFICIENT,
+    DCOEFFICIENT_BAR,
+    DDRIVE,
+    DDRIVE_BAR,
+    DFORCE,
+    DFORCE_BAR,
+    DGP,
+    DGQ,
+    DGU,
+    DMOTION,
+    DMOTION_BAR,
+    DP,
+    DQ,
+    DRIVE,
+    DRIVE_BAR,
+    DTAU,
+    DTAU_BAR,
+    DU,
+    DUDOT,
+    DUDOT_BAR,
+    ELEMENT_CONSTANTS,
+    FORCE,
+    FORCE_BAR,
+    GP,
+    GQ,
+    GU,
+    MASS_LANE,
+    MOTION,
+    MOTION_BAR,
+    PARAMETER,
+    RECORD,
+    SPEEDS,
+    TANGENT,
+    TAU,
+    TAU_BAR,
+    TRIG,
+    TURNS,
+    UDOT,
+    UDOT_BAR,
+)
+from .structure.element_kinds import ElementKind
+from .structure.kinds import LinkKind, UnitKind
+from .structure.system import System
+from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, mass_name
+
+TANGENTS = {
+    COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
+    FORCE: DFORCE,
+}  # fmt: skip
+"""The tangents of arguments, results and formulas."""
+
+ADJOINTS = {
+    DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
+    DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR,
+}  # fmt: skip
+"""The adjoints, by the tangents."""
+
+ADJOINT_TANGENTS = {
+    GQ: DGQ, GU: DGU, GP: DGP, CE_GP: CE_DGP, UDOT_BAR: DUDOT_BAR, TAU_BAR: DTAU_BAR, MOTION_BAR: DMOTION_BAR,
+    COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR,
+}  # fmt: skip
+"""The tangents of adjoints."""
+
+READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
+"""Adjoints that formulas read; gradients themselves are not computed."""
+
+_PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
+_MADE: dict[tuple[Memory, Store], Store] = {}
+
+
+def _in(memory: Memory, store: Store) -> Store:
+    """The store of another memory of the same owner."""
+    found = _MADE.get((memory, store))
+    if found is None:
+        name = store.name.removeprefix(_PREFIX.get(store.memory, ""))
+        found = _MADE[memory, store] = Store(f"{_PREFIX[memory]}{name}", store.owner, memory, place=store.place)
+    return found
+
+
+def tangent_of(store: Store, name: str) -> Component | None:
+    """The place of the tangent of a value."""
+    if store.memory is RECORD:
+        return _in(TANGENT, store), name
+    return (TANGENTS[store], name) if store in TANGENTS else None
+
+
+def adjoint_of(store: Store) -> Store:
+    """The store of the adjoints of a store of tangents."""
+    return _in(ADJOINT, store) if store.memory is TANGENT else ADJOINTS[store]
+
+
+def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
+    """The place of the tangent of a value or of an adjoint."""
+    if store.memory is ADJOINT:
+        return _in(memory, store), name
+    return (ADJOINT_TANGENTS[store], name) if store in ADJOINT_TANGENTS else tangent_of(store, name)
+
+
+def mass_tangent_of(store: Store, name: str) -> Component | None:
+    """The same for ``M z`` at fixed z, in memory of its own."""
+    return None if store is FORCE_BAR else adjoint_tangent_of(store, name, MASS_LANE)
+
+
+@dataclass(slots=True, eq=False)
+class Original:
+    """A block of values, before values of earlier blocks were loaded instead of computed.
+
+    Attributes
+    ----------
+    block : Block
+    equal : dict of Symbol to Expr
+        See `second_order.along`.
+    recalled, stored_before
+        See `Expansion`.
+    """
+
+    block: Block
+    equal: dict[Symbol, Expr]
+    recalled: dict[Symbol, Component]
+    stored_before: list[tuple[Store, str, Expr]]
+
+    @classmethod
+    def of(cls, x: Expansion) -> Original:
+        """The block of an expansion that is not finished yet."""
+        b = x.block
+        return cls(
+            Block(b.name, b.title, dict(b.loads), list(b.statements)), dict(x.equal), dict(x.recalled), x.stored_before
+        )
+
+    def finished(self, block: Block) -> Original:
+        """The same with the stores of the finished block, and with values that an earlier block has stored."""
+        self.block.stores = [*block.stores, *self.stored_before]
+        return self
+
+
+class SecondOrder:
+    """Derives the blocks of `sweeps.TWICE`.
+
+    Parameters
+    ----------
+    patterns : Patterns
+    originals : mapping of str to mapping of int to Original
+        By sweep and kind.
+    """
+
+    def __init__(self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]]):
+        self.patterns, self.system = patterns, patterns.system
+        self.originals = originals
+        self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
+        self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
+        """Tangents that can differ from zero."""
+
+    def blocks(self) -> dict[str, dict[int, Block]]:
+        """The blocks by sweep and kind."""
+        tangents: dict[str, dict[int, Block]] = {}
+        known = -1
+        while known != len(self.nonzero):
+            known = len(self.nonzero)
+            for sweep in self.sweeps:
+                tangents[sweep.name] = {k.index: self._tangent(sweep, k) for k in self._kinds(sweep)}
+        read: set[Place] = set()
+        for sweep in self.sweeps:
+            for kind in self._kinds(sweep):
+                for a, n in tangents[sweep.name][kind.index].loads.values():
+                    if a.memory is TANGENT:
+                        read.update(self._places(kind, sweep, a, n))
+        found: dict[str, dict[int, Block]] = {}
+        for sweep in self.sweeps:
+            name = sweep.name
+            for made in (along_name(name), adjoint_name(name), mass_name(name), along_name(adjoint_name(name))):
+                found[made] = {}
+            for kind in self._kinds(sweep):
+                k, tangent = kind.index, tangents[name][kind.index]
+
+                def wanted(store: Store, n: str, kind: UnitKind = kind, sweep: Sweep = sweep) -> bool:
+                    return store.memory is not TANGENT or not read.isdisjoint(self._places(kind, sweep, store, n))
+
+                back = adjoint(
+                    tangent, f"{adjoint_name(name)}_{k}", SWEEP[adjoint_name(name)].title, adjoint_of, wanted
+                )
+                found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT)
+                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or a in READ_BY_FORMULAS)
+                mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
+                found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or a is DUDOT_BAR)
+                whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
+                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: a is not DUDOT_BAR)
+        return found
+
+    def _kinds(self, sweep: Sweep) -> list[UnitKind]:
+        return [k for k in sweep.kinds(self.system) if k.index in self.originals[sweep.name]]
+
+    def _places(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> set[Place]:
+        found = self.patterns.reach.of(kind, sweep, store)
+        assert found is not None
+        return {(found[0], k, name) for k in found[1]}
+
+    def _expansion(self, sweep: Sweep, kind: UnitKind, made: str, block: Block) -> Expansion:
+        def nonzero(store: Store, name: str) -> bool:
+            if store.memory is TANGENT:
+                return not self.nonzero.isdisjoint(self._places(kind, sweep, store, name))
+            return store.memory in (ADJOINT, ADJOINT_LANE, MASS_LANE) or self.patterns.is_nonzero(
+                kind, sweep, store, name
+            )
+
+        x = Expansion(
+            f"{made}_{kind.index}",
+            SWEEP[made].title,
+            nonzero,
+            partial(self.patterns.number, kind, sweep),
+            kind.alias_of,
+        )
+        return x.resume(block)
+
+    def _tangent(self, sweep: Sweep, kind: UnitKind) -> Block:
+        of = self.originals[sweep.name][kind.index]
+        x = self._expansion(sweep, kind, along_name(sweep.name), of.block)
+        found = along(x, tangent_of, partial(_primitives, kind), of.equal, of.recalled)
+        for store, name, e in found.stores:
+            if store.memory is TANGENT and e is not algebra.ZERO:
+                self.nonzero |= self._places(kind, sweep, store.plain, name)
+        return found
+
+    def _along_adjoint(
+        self, sweep: Sweep, kind: UnitKind, back: Block, made: str, place: Callable[[Store, str], Component | None]
+    ) -> Block:
+        of = self.originals[sweep.name][kind.index]
+        known = {e: (a, n) for a, n, e in of.block.stores if isinstance(e, Symbol) and e in of.equal}
+        assert known.keys() == of.equal.keys()
+        return along(self._expansion(sweep, kind, made, back), place, partial(_primitives, kind), known=known)
+
+
+def _varying_of_ground(system: System) -> list[str]:
+    """Components of the ground's record that depend on design parameters."""
+    g = system.gravity
+    return [] if g is None else [n for n, of in system.fields_of_gravity.items() if of in g.shape.varying]
+
+
+def read_outside(system: System) -> set[Place]:
+    """Adjoints of the ground, from which the gradient by the parameters of gravity follows."""
+    return {((memory, ""), GROUND_KIND, n) for memory in (ADJOINT, ADJOINT_LANE) for n in _varying_of_ground(system)}
+
+
+def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:
+    """A block with some of its stores only."""
+    return drop_dead(
+        Block(block.name, block.title, block.loads, block.statements, [s for s in block.stores if kept(s[0].plain)])
+    )
+
+
+def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
+    """The transparent symbols of a block, and the tangents of the angle and of the design parameters."""
+    transparent: Primitives = {}
+    roots: dict[Symbol, Expr] = {}
+    loads = list(x.block.loads.items())
+    if isinstance(kind, LinkKind) and any(a is TRIG for _, (a, _) in loads):
+        joint = kind.joint(x, kind)
+        transparent |= of_symbols(joint.transparent())
+        roots |= {
+            s: algebra.expression(kind.joint.turn_seed(x, n)) for s, (a, n) in [*x.block.loads.items()] if a is TURNS
+        }
+    assert isinstance(kind, LinkKind | ElementKind)
+    of = (ELEMENT_CONSTANTS, CE_PARAMETER, CE_DP) if isinstance(kind, ElementKind) else (CONSTANTS, PARAMETER, DP)
+    constants, parameter, dp = of
+    for symbol, (store, name) in loads:
+        if store is constants:
+            inner = {j: x.component(constants, f"{name}/{j}") for j in range(kind.parameters)}
+            transparent[symbol] = {x.symbol(parameter, j): d for j, d in inner.items() if d is not algebra.ZERO}
+    roots |= {x.symbol(parameter, j): x.entry(dp, j) for j in range(kind.parameters)}
+    return transparent, roots
+
+
+def differentiate_twice(shape: Shape) -> None:
+    """Add the second derivatives of constants by design parameters, with keys such as ``m/0/1``."""
+    x = Expansion(shape.block.name, shape.block.title, lambda a, f: True).resume(shape.block)
+    first = [(n, e) for _, n, e in shape.block.stores if "/" in n]
+    parameters = [x.component(PARAMETER, str(k)) for k in range(shape.parameters)]
+    statements = list(x.block.statements)
+    for k, p in enumerate(parameters):
+        assert isinstance(p, Symbol)
+        d = Tangents(x, {p: algebra.ONE}, {}, lanes=False)
+        for s in statements:
+            d.statement(s)
+        for name, e in first:
+            value = x.let("d", d.expression(e))
+            if value.is_Number:
+                shape.fixed[f"{name}/{k}"] = value
+            else:
+                shape.varying[f"{name}/{k}"] = f"{name}/{k}"
+                x.set_component(SHAPE, f"{name}/{k}", value)
+    for name, same in list(shape.varying.items()):
+        for k in range(shape.parameters):
+            key = f"{name}/{k}"
+            if name.count("/") != 1 or name == same:
+                continue
+            if f"{same}/{k}" in shape.fixed:
+                shape.fixed[key] = shape.fixed[f"{same}/{k}"]
+            else:
+                shape.varying[key] = f"{same}/{k}"
+    shape.block = simplify(x.finish())

@@ -1,0 +1,154 @@
+"""Products with the Hessian of weighted accelerations: against closed forms, and differences of gradients in 40 digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from prescribed_models import with_prescribed
+from random_elements import with_random_elements
+from random_models import EVERY, random_seeds, random_state, random_tree
+from rotor_models import with_rotors
+
+import codegen
+from codegen.mechanics.procedures import UnknownFunctionError
+from codegen.model import Model
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FUNCTIONS = "accelerations,gradients,hessian_products"
+DIGITS, STEP = 40, 1e-12
+"""Central differences with this step have an error of about 1e-24, plus 1e-28 of rounding."""
+
+
+def made(model: Any, folder: Path, target: str = "numpy") -> codegen.Solver:
+    codegen.generate(model, folder / "package", functions=FUNCTIONS, target=target)
+    return codegen.load(folder / "package")
+
+
+def directions(solver: codegen.Solver, state: Any) -> dict[str, np.ndarray]:
+    """One direction for every entry of q, u, p, inputs and t."""
+    parts = [*state[:4], [state.t]]
+    units = np.split(np.eye(sum(map(len, parts))), np.cumsum([len(x) for x in parts[:-1]]), axis=1)
+    seeds = dict(zip(("dq", "du", "dp", "dinputs", "dt"), units, strict=True))
+    return seeds | {"dt": seeds["dt"][:, 0]}
+
+
+def joined(found: Any) -> np.ndarray:
+    """All entries by direction (k, n)."""
+    return np.concatenate([*found[:4], found.t[..., None]], axis=-1)
+
+
+def hessian(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
+    return joined(solver.hessian_products(*state, weights=weights, **directions(solver, state)))
+
+
+def differences(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
+    """The Hessian from central differences of gradients in 40 digits."""
+    exact = solver.in_precision(DIGITS)
+    mp = exact.mp if hasattr(exact, "mp") else __import__("mpmath").mp.clone()
+    mp.dps = DIGITS
+    number = np.frompyfunc(mp.mpf, 1, 1)
+    seeds = directions(solver, state)
+    found = []
+    for sign in (1, -1):
+        moved = [
+            number(x) + sign * number(STEP) * number(seeds[f"d{n}"])
+            for n, x in zip(("q", "u", "p", "inputs"), state[:4], strict=True)
+        ]
+        t = number(state.t) + sign * number(STEP) * number(seeds["dt"])
+        found.append(joined(exact.gradients(*moved, t, weights=number(weights)))[0])
+    return ((found[0] - found[1]) / (2 * number(STEP))).astype(float)
+
+
+def drawn(seed: int) -> tuple[Model, Any, np.ndarray]:
+    """A random tree with every ingredient, a state and weights."""
+    rng = np.random.default_rng([34, seed])
+    model = random_tree(rng, int(rng.integers(1, 5)), EVERY)
+    for more in (with_random_elements, with_prescribed, with_rotors):
+        if rng.random() < 0.6:
+            model = more(rng, model)
+    return model, random_state(rng, model), rng.normal(size=model.nu)
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
+    return made(EXAMPLES / "pendulum.yaml", tmp_path_factory.mktemp("pendulum"))
+
+
+def test_a_pendulum_has_the_hessian_of_its_closed_form(pendulum: codegen.Solver) -> None:
+    """udot = -(g / length) sin q, with weight w."""
+    assert pendulum.parameter_names == ("g", "length", "mass")
+    q, g, length, w = 0.7, 9.7, 1.3, 1.9
+    s, c = np.sin(q), np.cos(q)
+    by_q = [g / length * s, 0, -c / length, g * c / length**2, 0]
+    by_g = [-c / length, 0, 0, s / length**2, 0]
+    by_length = [g * c / length**2, 0, s / length**2, -2 * g * s / length**3, 0]
+    expected = w * np.array([by_q, [0] * 5, by_g, by_length, [0] * 5])
+    units = np.split(np.eye(5), (1, 2), axis=1)
+    found = pendulum.hessian_products([q], [0.4], [g, length, 2.0], weights=[w], dq=units[0], du=units[1], dp=units[2])
+    H = np.concatenate([found.q, found.u, found.p], axis=1)
+    assert np.abs(H - expected).max() < 1e-14 * np.abs(expected).max()
+    assert found.inputs.shape == (5, 0) and not found.t.any()
+
+
+def test_models_with_loops_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownFunctionError, match="hessian_products is for models without closed loops"):
+        codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "x", functions=FUNCTIONS)
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_solver_without_the_function_tells_how_to_get_it(tmp_path: Path) -> None:
+    codegen.generate(EXAMPLES / "pendulum.yaml", tmp_path / "x", target="numpy")
+    with pytest.raises(AttributeError, match="generated without hessian_products: add it to --functions"):
+        codegen.load(tmp_path / "x").hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0])
+    files = [f for f in (tmp_path / "x").iterdir() if f.suffix in (".c", ".h", ".py")]
+    assert files and not any("hessian" in f.read_text() or "_adjoint" in f.read_text() for f in files)
+    assert "def hessian_products" not in (tmp_path / "x" / "_runtime" / "solver.py").read_text()
+
+
+def test_messages_name_the_weights(pendulum: codegen.Solver) -> None:
+    q, u = pendulum.initial
+    with pytest.raises(ValueError, match=r"weights has shape \(2,\), expected \(\.\.\., 1\)"):
+        pendulum.hessian_products(q, u, weights=[1.0, 2.0], dq=[1.0])
+    with pytest.raises(ValueError, match="no seed given"):
+        pendulum.hessian_products(q, u, weights=[1.0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_entry_agrees_with_differences_in_40_digits(seed: int, tmp_path: Path) -> None:
+    """Relative to the largest entry of a row, and the product is symmetrical to rounding."""
+    model, state, weights = drawn(seed)
+    if not model.nu:
+        pytest.skip("no degrees of freedom")
+    solver = made(model, tmp_path)
+    H, reference = hessian(solver, state, weights), differences(solver, state, weights)
+    largest = np.abs(reference).max()
+    assert np.abs(H - reference).max() < 1e-12 * largest
+    assert np.abs(H - H.T).max() < 1e-13 * largest
+
+
+@pytest.mark.parametrize("seed", (0, 1))
+def test_both_targets_agree_in_any_number_of_directions_and_states(seed: int, tmp_path: Path) -> None:
+    model, state, weights = drawn(seed)
+    codegen.generate(model, tmp_path / "package", functions=FUNCTIONS)
+    in_c, in_numpy = (codegen.load(tmp_path / "package", target=t) for t in ("c", "numpy"))
+    rng = np.random.default_rng(seed)
+    seeds = random_seeds(rng, model, 11)
+    alone = in_numpy.hessian_products(*state, weights=weights, **seeds)
+    largest = max(np.abs(x).max(initial=0) for x in alone)
+    for k in (1, 8, 11):
+        found = in_c.hessian_products(*state, weights=weights, **{n: x[:k] for n, x in seeds.items()})
+        for x, y in zip(found, alone, strict=True):
+            assert np.abs(x - y[:k]).max(initial=0) < 1e-13 * largest
+    states = [np.stack([x, x, x]) for x in state[:4]]
+    scaled = np.array([1.0, -2.0, 0.0])[:, None] * weights
+    out = tuple(np.empty((11, 3, *x.shape[1:])) for x in alone)
+    batch = {n: x[:, None] for n, x in seeds.items()}
+    found = in_c.hessian_products(*states, state.t, weights=scaled, **batch, out=out)
+    assert all(x is y for x, y in zip(found, out, strict=True))
+    for x, y in zip(found, alone, strict=True):
+        assert np.abs(x - y[:, None] * np.array([1.0, -2.0, 0.0]).reshape(3, *[1] * (y.ndim - 1))).max(initial=0) < (
+            1e-13 * largest
+        )
