@@ -88,10 +88,10 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
     function = value.tree[1]
     if function == AT_LEAST or all(x is ZERO for x in d):
         return ZERO
-    if function in ("min", "max"):  # max(a, b) and min(a, b) are (a + b +- |a - b|)/2
+    if function in ("min", "max"):  # of equal arguments the derivative of the first one
         (a, b), (da, db) = of, d
-        less = made("sign", a - b) * (da - db)
-        return (da + db - less if function == "min" else da + db + less) / 2
+        first = made(AT_LEAST, a, b) if function == "max" else made(AT_LEAST, b, a)
+        return first * da + (1 - first) * db
     if function in ("mod", "wrapped"):
         (x, m), (dx, dm) = of, d
         return dx - (x - value) / m * dm

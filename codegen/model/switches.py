@@ -249,7 +249,8 @@ class Switches:
         """The tree with held functions in place of those with branches.
 
         The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
-        smooth enough in a force, are therefore held in prescribed motion.
+        smooth enough in a force, are therefore held in prescribed motion; at the seam of a periodic table their argument
+        is held with them.
         """
         if tree[0] in ("number", "name"):
             return tree
@@ -259,6 +260,8 @@ class Switches:
 
     def _hold(self, tree: Tree, moves: bool) -> Tree:
         kind = tree[0]
+        if moves and tree[:2] == ("call", WRAPPED):
+            tree = (kind, "mod", *tree[2:])
         if kind == "**" and not _is_whole(tree[2]) and self._locate(tree, tree[1]):
             return (kind, tree[1], self.hold(tree[2], moves))
         if kind == "call" and tree[1] in PARTLY_DEFINED and self._locate(tree, tree[2]):
@@ -393,10 +396,12 @@ def _is_whole(tree: Tree) -> bool:
 def _is_smooth_step(tree: Tree) -> bool:
     """Whether a tree is part of a cubic table or of the function ``step``, whose second derivatives are continuous.
 
-    Both are polynomials of ``s = min(max(..), ..)``: ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)``.
+    They are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``, in a table less
+    a number.
     """
     if tree[0] != "*":
         return False
     first, rest = tree[1], tree[2]
     s = first[1] if first[0] == "**" and first[2] == ("number", 3) else first
-    return bool(s[0] == "call" and s[1] == "min" and s[2][:2] == ("call", "max")) and s in nodes(rest)
+    part = s[1] if s[0] == "-" and s[2][0] == "number" else s
+    return bool(part[0] == "call" and part[1] == "min" and part[2][:2] == ("call", "max")) and s in nodes(rest)

@@ -1,9 +1,10 @@
 """Tables of a model file as expressions: linear between their points, or a cubic spline through them.
 
-On a segment of length h from x_i, ``s_i = min(max(0, x - x_i), h)`` is the part of it below x. With polynomials p_i that are
-zero at zero, the table is ``y_0 + sum p_i(s_i)``: segments below x count in full, those above x not at all. This is an
+On the segment from x_i to x_(i+1), ``s_i = min(max(x_i, x), x_(i+1)) - x_i`` is the part of it below x. With polynomials p_i that
+are zero at zero, the table is ``y_0 + sum p_i(s_i)``: segments below x count in full, those above x not at all. This is an
 expression of the grammar, so every engine can evaluate and differentiate it. For equal arguments, ``min`` and ``max`` have the
-derivative of the first one. So exactly at a point, the slope is that on its left.
+derivative of the first one. So exactly at a point, the slope is that on its left: neighbours compare x with the same number, and
+only the left one counts there.
 
 A periodic table is repeated after its last point. x is reduced by whole periods to a value above 0 and up to one period, so that
 at the seam, too, the slope is that on its left. A cubic one is as smooth at the seam as elsewhere.
@@ -58,8 +59,9 @@ class Table:
             at = self._within(at)
         result = y[0]
         for i in range(n):
-            h = x[i + 1] - x[i]
-            s = made("min", made("max", 0, at - (x[i] - origin)), h)
+            start, end = x[i] - origin, x[i + 1] - origin
+            h = end - start
+            s = made("min", made("max", start, at), end) - start
             if self.kind == "linear":
                 result += (y[i + 1] - y[i]) / h * s
             else:

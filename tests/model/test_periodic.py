@@ -138,3 +138,57 @@ forces:
   repeat k in 1..2:
     f(k): {{type: joint, joint: arm(k), value: {}}}
 """
+
+
+AWKWARD = np.array([0.1, 0.3, 0.7, 1.1, 1.9, 2.3])
+"""Points whose differences are rounded."""
+
+
+def test_a_motion_by_a_cubic_table_is_right_exactly_at_its_points(tmp_path):
+    """Place, velocity and driving force at the points and at the seam, where neighbouring segments meet."""
+    y = np.array([0.2, 1.0, -0.5, 0.3, 0.9, 0.2])
+    b = ModelBuilder("driven")
+    b.table("way", AWKWARD.tolist(), y.tolist(), kind="cubic", outside="periodic")
+    b.body("slide", joint="prismatic", axis="x", mass=1.0)
+    b.motion("slide", "way(t)")
+    b.output("place", value="q.slide")
+    b.output("speed", value="u.slide")
+    b.output("force", driving_force="slide")
+    model = b.build()
+    codegen.generate(model, tmp_path / "driven", functions=("outputs",))
+    spline = CubicSpline(AWKWARD, y, bc_type="periodic")
+    for t in (*AWKWARD.tolist(), 0.7 + 2.2, 0.1 - 2.2, 0.5):
+        of_t = [float(spline(t, order)) for order in range(3)]
+        for engine in (codegen.load(tmp_path / "driven"), DenseEngine(model)):
+            assert engine.outputs(np.zeros(0), np.zeros(0), t=t) == pytest.approx(of_t, rel=1e-11, abs=1e-11)
+
+
+def test_slopes_are_those_on_the_left_exactly_at_points_whose_differences_are_rounded(tmp_path):
+    b = ModelBuilder("held")
+    y = [0.2, 1.0, -0.5, 0.3, 0.9, 0.2]
+    for kind in ("linear", "cubic"):
+        b.table(kind, AWKWARD.tolist(), y, kind=kind, outside="constant")
+        b.body(f"of_{kind}", joint="prismatic", axis="x", mass=1.0)
+        b.joint_force(f"by_{kind}", f"of_{kind}", f"{kind}(q.of_{kind})")
+    model = b.build()
+    codegen.generate(model, tmp_path / "held", functions=("accelerations", "jacobians"))
+    spline, lines = CubicSpline(AWKWARD, y, bc_type="natural"), np.diff(y) / np.diff(AWKWARD)
+    for i, x in enumerate(AWKWARD[1:].tolist()):
+        found = codegen.load(tmp_path / "held").jacobians([x, x], [0.0, 0.0]).q
+        assert np.diag(found) == pytest.approx([lines[i], float(spline(x, 1))], rel=1e-11, abs=1e-11)
+
+
+def test_a_motion_over_the_seam_of_a_cubic_table_is_right_at_the_seam(tmp_path):
+    """Results at times that are exactly on the seam: within a motion, and at its end."""
+    x, y = np.array([-1.0, -0.5, 0.25, 1.0]), np.array([0.2, 1.0, -0.5, 0.2])
+    b = ModelBuilder("driven")
+    b.table("way", x.tolist(), y.tolist(), kind="cubic", outside="periodic")
+    b.body("slide", joint="prismatic", axis="x", mass=1.0)
+    b.motion("slide", "way(t)")
+    b.output("place", value="q.slide")
+    b.output("speed", value="u.slide")
+    b.output("force", driving_force="slide")
+    codegen.generate(b.build(), tmp_path / "driven", functions=("outputs", "motion"))
+    spline, times = CubicSpline(x, y, bc_type="periodic"), np.linspace(-0.75, 3.0, 16)
+    found = codegen.load(tmp_path / "driven").simulate(times).outputs
+    assert found == pytest.approx(np.column_stack([spline(times, order) for order in range(3)]), rel=1e-9, abs=1e-9)
