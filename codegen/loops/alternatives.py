@@ -67,7 +67,7 @@ partition."""
 
 
 MOST_TRIED = 40
-"""Number of partitions after which no further speed is requested together with others."""
+"""Number of tried partitions after which no further combination of speeds is requested."""
 
 
 def worst(chosen: Partition) -> float:

@@ -109,8 +109,9 @@ def first_assembly(
 ) -> tuple[Array, list[str]]:
     """Close all loops before a partition is known: minimum-norm steps, loop by loop.
 
-    Each loop moves joints that no earlier loop has passed: first as few of them as have to be dependent, then all of them.
-    If it still does not close, it is closed together with its neighbours, and then with theirs, until nothing is left to add.
+    Each loop moves joints that no earlier loop has passed: first as few joints as have to be dependent, then all. A
+    loop that still does not close is closed together with its neighbours, then also with the neighbours of these, until
+    no loop is left to add.
 
     Parameters
     ----------
@@ -227,13 +228,13 @@ def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]
 
 
 def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
-    """The ring of all moving joints of loops that share joints with no others."""
+    """The ring of all moving joints of some loops that share joints only with each other."""
     bodies = {k for k in geometry.passed(loops) if geometry.speeds[k]}
     return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
 
 
 def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array) -> Array:
-    """As few of the movable speeds as can close a ring, those of joints near the cut first."""
+    """As few movable speeds as can close a ring, chosen near the cut first."""
     g, speeds = ring.geometry, ring.joints.speeds
     free = np.flatnonzero(movable)
     E = ring.evaluate(q)[1] * np.where(g.turning[speeds], 1.0, ring.length)
@@ -275,8 +276,8 @@ def _with_neighbours(
 ) -> tuple[Outcome, int]:
     """Close the last of some loops together with loops that share joints with it, adding more and more loops.
 
-    Held coordinates move only if nothing else helps. `ring` and `outcome` are those of the loop by itself; `open_` is as in
-    `first_assembly`.
+    Held coordinates move only if nothing else helps. `ring` and `outcome` belong to the loop by itself; `open_` is as
+    in `first_assembly`.
     """
     *others, last = loops
     cycles = {i: geometry.passed([i]) for i in loops}
@@ -304,7 +305,7 @@ def _with_neighbours(
 
 
 def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
-    """The error for a ring that does not close: which loop stays open, by how much, and what to do."""
+    """The error for a ring that does not close: the loop that stays open, by how much, and the remedies."""
     g = ring.geometry
     model = g.model
     owner = [(i, r) for i in ring.cuts.loops for r in g.kept[i]]

@@ -127,7 +127,8 @@ def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict
 
 
 def _poor(geometry: Geometry, found: Comparison, without_hints: Conditioning | None) -> str:
-    """Warning about a poor choice; `without_hints` compares choices without the model's hints, if it has any for these loops."""
+    """Warning about a poor choice; `without_hints` compares choices without the model's hints, if the model has hints
+    for these loops."""
     model = geometry.model
     text = (
         f"{loops_named(model, found.loops)}: the condition number of the closure matrix of all dependents is {found.loss:.0f} "

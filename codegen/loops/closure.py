@@ -18,10 +18,10 @@ surface   f / abs(grad f) / length, f of x_end - x_start n . v / length, n = gra
           in the start face
 ========= ============================================= ==============================================================
 
-A sine would also vanish at half a turn, where a revolute or fixed joint would be closed the wrong way round. 2 sin(t/2) grows
-up to half a turn, and near closure it equals t. For linear and universal rows the closure matrix is the exact derivative of
-the residual; for the others it is so only where the loop is closed. `Geometry.linear` and `Geometry.angular` hold the
-directions n and m.
+A sine would also vanish at half a turn, where a revolute or fixed joint would be closed the wrong way round. 2 sin(t/2)
+grows up to half a turn, and near closure it equals t. For linear and universal rows the closure matrix is the exact
+derivative of the residual; for other rows it is the derivative only where the loop is closed. `Geometry.linear` and
+`Geometry.angular` hold the directions n and m.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def shifted(w: Array, v: Array, r: Array) -> Array:
 class PlacedCuts:
     """Conditions of l loops at S configurations: their residuals, and their rates for given motions.
 
-    Every loop has six rows here, three linear and three angular. Some of them may be no conditions, or dropped ones; `kept`
-    leaves these out. `rows` selects other rows, loop by loop.
+    Every loop has six rows here, three linear and three angular. Rows that are no conditions, or dropped conditions,
+    are left out by `kept`. `rows` selects other rows, loop by loop.
 
     Attributes
     ----------
@@ -203,7 +203,7 @@ class Cuts(PlacedCuts):
         return r
 
     def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> PlacedCuts:
-        """The cuts of some loops, taken from those of all loops (self), which have been placed."""
+        """The placed cuts of some loops, taken from the cuts of all loops (self)."""
         found = PlacedCuts(geometry, loops, rows)
         i, other = found.loops, self.lengths[found.loops] / found.lengths
         found.point, found.m = self.point[:, i], self.m[:, i]

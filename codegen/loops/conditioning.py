@@ -1,11 +1,12 @@
 """Quality of the dependents of a whole component: the condition number of all their columns, and their reach.
 
-Each ear gets the best dependents for itself, one ear after the other. The whole can still be poor: an ear may need large
-speeds to follow what another ear left independent, and a choice that is good at the initial configuration may be poor at
-another. So the columns of all dependents are examined together, at configurations spread over the mechanism's range. Their
-condition number is divided by that of the columns which a pivoted Gram-Schmidt process takes at each configuration. The
-reach is the fraction of random displacements of the independents for which the loops close. A choice that loses more than
-a digit, or closes far less often than another, is replaced, preferably by one whose ears still close one after the other.
+Each ear gets the best dependents for itself, one ear after the other. The whole choice can still be poor: an ear may
+need large speeds to follow speeds that another ear left independent. A choice that is good at the initial configuration
+may also be poor at another. So the columns of all dependents are examined together, at configurations spread over the
+mechanism's range. Their condition number is divided by that of the columns which a pivoted Gram-Schmidt process takes
+at each configuration. The reach is the fraction of random displacements of the independents for which the loops close.
+A choice that loses more than a digit, or closes far less often than another, is replaced, preferably by one whose ears
+still close one after the other.
 """
 
 from __future__ import annotations

@@ -49,9 +49,10 @@ def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 def conditions(A: Array) -> Array:
     """Condition numbers ``(S,)`` of the scaled columns of dependent speeds, ``(S, rows, f)``; see section 4.7 of the theory page.
 
-    The number measures how far f dependent speeds move per unit violation of the conditions, relative to the smallest possible
-    value. It is the product of the Frobenius norms of the inverse and of the matrix (at least of a unit matrix), divided by f. So
-    it also grows if all columns become small together; for a single column it is one over the column's length.
+    The number measures how far f dependent speeds move per unit violation of the conditions, relative to the smallest
+    possible value. It is the product of the Frobenius norms of the inverse and of the matrix (at least of a unit
+    matrix), divided by f. So the number also grows if all columns become small together; for a single column it is one
+    over the column's length.
     """
     f = A.shape[-1]
     if 0 in A.shape:
@@ -70,7 +71,8 @@ def condition(A: Array) -> float:
 
 
 def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tuple[int, ...]]:
-    """Columns in the given order, those of a quaternion joint together; `speeds` are the speeds of all columns."""
+    """Columns in the given order, where columns of one quaternion joint are kept together; `speeds` are the speeds of
+    all columns."""
     joints: dict[int, list[int]] = {}
     for c in map(int, columns):
         s = int(speeds[c])
@@ -161,7 +163,8 @@ def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int
 
 
 def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: float) -> list[int]:
-    """The columns `taken` and those of `single` that complete the rank, well conditioned and not far from the cut."""
+    """The columns `taken`, plus columns among `single` that complete the rank, well conditioned and not far from the
+    cut."""
     if len(taken) == rank:
         return taken
     if len(taken) + len(single) == rank:
@@ -189,7 +192,7 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
     while len(chosen) < rank:
         size = np.min(np.linalg.norm(rest, axis=1), axis=0)
         useful = np.flatnonzero(size > RANK_TOLERANCE * 10)[:window]
-        if not len(useful):  # `ranks` found full rank, so the longest column counts
+        if not len(useful):  # full rank was found by `ranks`, so the longest column counts
             useful = np.array([int(np.argmax(size))])
         pivot = useful[np.argmax(size[useful] >= threshold * np.max(size[useful]))]
         chosen.append(single[pivot])

@@ -7,7 +7,7 @@ from .ears import Ear, Partition
 from .errors import listed, loops_counted
 
 LINES = 12
-"""With more ears than this, equal ones share a line."""
+"""With more ears than this, equal ears share a line."""
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
@@ -92,7 +92,7 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
 
 
 def _line(model: Model, ears: list[Ear]) -> str:
-    """Line for one ear, or for several equal ones."""
+    """The line that describes one ear, or several equal ears."""
     first, last = ears[0], ears[-1]
     names = [listed([model.loops[i].name for i in ear.loops]) for ear in (first, last)]
     text = f"cluster of {names[0]}" if len(first.loops) > 1 else names[0]

@@ -162,7 +162,8 @@ class Geometry:
         return R
 
     def turned_behind(self, body: int, q: Array) -> Array | None:
-        """Rotation ``(S, 3, 3)`` of a joint's first motion by its later motions; None if these do not rotate."""
+        """Rotation ``(S, 3, 3)`` of a joint's first motion by its later motions; None if the later motions do not
+        rotate."""
         known = self._behind.get(body)
         if known is None:
             chain = self.chains[self.kinds[body]].without_first()
@@ -273,7 +274,7 @@ class Geometry:
         self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         found = np.array([self._length(i) for i in range(len(self.model.loops))])
         joined = [i for i in range(len(self.model.loops)) if i not in self.couplings]
-        if joined:  # a coupling has no length: it takes the smallest of the loops
+        if joined:  # a coupling has no length; the smallest length of the loops is used
             found[list(self.couplings)] = found[joined].min()
         return found
 

@@ -43,9 +43,9 @@ NEARLY_CLOSED = 1e-5
 
 
 class NearbyStates:
-    """Closure matrices of some loops at the initial configuration and at others that can be reached from it.
-
-    Coordinates of other joints keep their values. All configurations are computed at the same time.
+    """Closure matrices of some loops at the initial configuration and at other configurations that can be reached from
+    it. The coordinates of joints outside these loops keep their values. All configurations are computed at the same
+    time.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class NearbyStates:
         return np.concatenate(configurations), np.concatenate(matrices), np.concatenate(residuals)
 
     def _corrected(self, q: Array) -> tuple[Array, Array, Array]:
-        """Configurations with the loops closed, their matrices, and the residuals that remain."""
+        """Configurations in which the loops have been closed, their matrices, and the remaining residuals."""
         rows, E = self._closed(q)
         for _ in range(CORRECTIONS):
             step = _limited(-_least(E, rows))

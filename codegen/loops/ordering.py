@@ -1,10 +1,10 @@
 """The order of the ears: single loops where each closes by itself, clusters elsewhere.
 
 A loop closes by itself if the speeds of joints that no earlier loop has passed can keep it closed, for every motion
-that earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far:
-their effect at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside earlier
-ears must depend on this loop. Then another order is sought: the loop moves to a place before one of these ears, or one
-of these ears to a place after the loop. If there is none, they become one cluster.
+that earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far: the
+effect of each motion at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside
+earlier ears must depend on this loop. Then another order is sought: the loop moves to a place before one of these ears,
+or one of these ears to a place after the loop. If there is no such order, the loops become one cluster.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class Sweep:
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
         if is_lone_coupling(g, loops):
-            # first the coordinate that the file expresses by the others
+            # first the coordinate that the file expresses by other coordinates
             E, given = closure.weighed(g, float(g.lengths[loops[0]])), g.couplings[loops[0]].speeds.tolist()
             free = np.array(
                 sorted(free, key=lambda c: given.index(s) if (s := closure.speeds[c]) in given else len(given))
@@ -215,7 +215,7 @@ def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
     """Ears in an order in which each closes by itself; quaternion joints are divided only if no other order exists.
 
-    Ears that start from each other's bodies become a cluster with common dependents, since they are resolved together.
+    Ears that start from each other's bodies are resolved together: they become a cluster with common dependents.
 
     Parameters
     ----------

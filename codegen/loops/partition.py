@@ -194,7 +194,8 @@ class _Choice:
         return choose(self.geometry, drafts, sweep.growth(), q, self.held, self.shared)
 
     def _chosen(self, q: Array) -> tuple[Sweep, list[Draft]]:
-        """Ears at an assembled configuration, and if necessary at nearby ones; stores the loops that are stuck."""
+        """The ears at an assembled configuration, and if necessary at nearby configurations; stores the loops that are
+        stuck."""
         geometry, order, self.stuck = self.geometry, self.order, []
         try:
             sweep = Sweep(geometry, q, self.held, self.random)
@@ -377,7 +378,7 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
 
 
 def _closed_together(geometry: Geometry, drafts: list[Draft], q: Array, redundancy: Redundancy) -> list[Draft]:
-    """The ears as they are computed: ears that couplings join become one, with the largest of their characteristic lengths.
+    """The ears as they are computed: ears that couplings join become one ear, with the largest characteristic length.
 
     This matters only where conditions are redundant: the residual that a parameter opens is then shared by the whole ear.
     """

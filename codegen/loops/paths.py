@@ -68,7 +68,7 @@ class Groups:
 
 
 class PoseGroups(Groups):
-    """Groups with the relative frames of their bodies, from the coordinates of known joints.
+    """Groups whose bodies have frames relative to each other, from the coordinates of known joints.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class PoseGroups(Groups):
         self.R[k] = self.R[via] @ self.R[k]
 
     def found(self, joints: Joints, q: Array) -> None:
-        """Mark the joints of some bodies as known, with their coordinates."""
+        """Mark the joints of some bodies as known, with the given coordinates."""
         R, o = joints.transforms(q)
         for i, k in enumerate(joints.bodies):
             self.R[k], self.o[k] = R[:, i], o[..., i, :]
@@ -127,7 +127,7 @@ class TwistGroups(Groups):
         self.w[k] += self.w[via]
 
     def found(self, bodies: Iterable[int], u: Array) -> None:
-        """Mark the joints of some bodies as known, with their speeds ``(S, nu, K)``."""
+        """Mark the joints of some bodies as known, with the given speeds ``(S, nu, K)``."""
         for k in bodies:
             if speeds := self.geometry.speeds[k]:
                 s = slice(speeds.start, speeds.stop)

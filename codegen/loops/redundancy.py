@@ -1,10 +1,10 @@
 """Redundant conditions of loops, exact to rounding or within the tolerance, and parameters that open them.
 
-If the redundancy of an ear is exact to rounding, all of its conditions are met together, and none is dropped. Numbers of few
-digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane. The redundant conditions can then be met
-nearly, never exactly. Conditions are dropped until as many are left as there are dependent speeds. Which ones is decided
-once: the kept set must be well conditioned at several configurations. Conditions are taken along axes of the start face,
-because the plane of a planar loop and the centre of a spherical one are fixed there.
+If the redundancy of an ear is exact to rounding, all of its conditions are met together, and none is dropped. Numbers
+of few digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane. The redundant conditions can then
+be met nearly, never exactly. Conditions are dropped until there are no more conditions than dependent speeds. The
+choice is made once: the kept set must be well conditioned at several configurations. Conditions are taken along axes of
+the start face, because the plane of a planar loop and the centre of a spherical one are fixed there.
 
 A parameter may open redundant conditions, for instance one that shifts a revolute joint along its axis. Which parameters do is
 decided here from small changes of the joints' frames. No derivative of the generated code is computed this way.
@@ -197,7 +197,7 @@ def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> N
 
 
 def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
-    """Positions among `closure_row_names` of a loop's conditions, by their row of six."""
+    """Positions of a loop's conditions among `closure_row_names`, by their row of six."""
     return {r: n for n, r in enumerate(geometry.rows[loop])}
 
 
@@ -233,7 +233,7 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
 
 
 def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
-    """The kind of motion that the joints of an ear nearly have, and their deviation from it, as text."""
+    """The kind of motion that the joints of an ear nearly have, and how far the joints deviate from it, as text."""
     turning = geometry.turning[closure.speeds]
     w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
     if len(w):
@@ -257,7 +257,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
 
 
 def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> tuple[set[int], set[int]]:
-    """Parameters that open redundant conditions if they change alone, and the loops that they open."""
+    """Parameters that open redundant conditions if they change alone, each with the loops that it opens."""
     model = geometry.model
     if not any(d.rows > len(d.dependent) for d in drafts):
         return set(), set()
@@ -313,7 +313,8 @@ def _rate(values: Sequence[Array], step: float) -> Array:
 def _opened(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, moving: list[int], changed: list[list[Geometry]]
 ) -> Iterable[tuple[int, Draft]]:
-    """Pairs of a parameter and an ear that it opens at a configuration, after the dependent joints have closed what they can."""
+    """Pairs of a parameter and an ear that it opens at a configuration, after the dependent joints have closed the ear
+    as far as possible."""
     model = geometry.model
     steps = [_step(model, j) for j in moving]
     K, n = len(moving), geometry.ground

@@ -155,7 +155,7 @@ class Outcome:
 
 
 def is_closed_as_given(ring: Ring, q: Array) -> bool:
-    """Whether a ring is closed to rounding, so that `close` has nothing to do."""
+    """Whether a ring is closed to rounding at the given coordinates, so that `close` has nothing to do."""
     rows, _ = ring.evaluate(q)
     return float(np.linalg.norm(rows)) <= ROUNDING * (1 + ring.reach())
 

@@ -17,7 +17,7 @@ from ..records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SpeedGroup:
-    """Speeds of a joint, with the coordinates that only they change.
+    """Speeds of a joint, with the coordinates that these speeds alone change.
 
     Attributes
     ----------

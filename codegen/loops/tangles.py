@@ -1,7 +1,7 @@
 """Tangles: ears that start from each other's bodies, so that none can be resolved first. They become one dense system.
 
-A loop may close by itself for every motion of earlier loops. Still, its dependents may move bodies that carry joints of
-another ear, on which its own cut depends.
+A loop may close by itself for every motion of earlier loops. Still, the dependents of the loop may move bodies that
+carry joints of another ear, and the cut of the loop may depend on that ear.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
-    """The ears as tuples of their loops, with each tangle merged into one ear; the same list if there is none.
+    """The ears as tuples of their loops, with each tangle merged into one ear; the same list if there is no tangle.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Couplings in blocks: 6x6 blocks of two links, and contributions to partners. Section 4 of the theory page.
 
-Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration). Each is along
-the axes of its own link and about its origin. Partners are the links to which a unit is coupled (`elimination_order.Partners`).
+Rows and columns of a coupling are components of moment (or angular acceleration), then force (linear acceleration).
+Each component is along the axes of its own link and about the origin of this link. Partners are the links to which a
+unit is coupled (`elimination_order.Partners`).
 """
 
 from __future__ import annotations

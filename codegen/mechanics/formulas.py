@@ -218,7 +218,8 @@ def motion_formulas(model: Model) -> list[Formula]:
 
 
 def coefficient_formulas(system: System) -> list[Formula]:
-    """Coefficients of force elements (`PlacedElement.parts`): of elements with an energy, and of the others."""
+    """Coefficients of force elements (`PlacedElement.parts`): those of elements with an energy, and those of elements
+    without."""
     found: list[Formula] = []
     for target, has_energy in (("coefficient", True), ("drive", False)):
         of = [

@@ -120,7 +120,7 @@ class _Unit:
 
     @property
     def links(self) -> list[tuple[LinkKind, int | None]]:
-        """The kinds of its links, with their indices in an ear."""
+        """The kinds of the unit's links, each with its index in an ear."""
         if isinstance(self.kind, EarKind):
             return [(link, place) for place, link in enumerate(self.kind.links)]
         return [(self.kind, None)] if isinstance(self.kind, LinkKind) else []
@@ -133,7 +133,7 @@ class _Unit:
     def run(
         self, name: str, title: str, parts: list[Block], propagated: _Propagated | None, first: bool = False
     ) -> Block:
-        """One block from several; `first` if it runs before units that contribute to its lanes."""
+        """One block from several; `first`: the block runs before units that contribute to the lanes of its links."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:

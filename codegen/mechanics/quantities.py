@@ -83,7 +83,7 @@ ENERGIES = ("kinetic_energy", "potential_energy")
 
 
 def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:
-    """The quantities with these names and those that these energies need, in the order of computation.
+    """The named quantities and the quantities that the energies need, in the order of computation.
 
     Parameters
     ----------

@@ -105,7 +105,7 @@ def transpose_sweeps(
 
 
 def _keep_needed(program: Program, made: list[str]) -> None:
-    """Drop scalars that are never read, and sweeps that then compute none."""
+    """Drop scalars that are never read, and sweeps that compute no other scalars."""
     needed: set[Name] = set()
 
     def useful(block: Block) -> Block:

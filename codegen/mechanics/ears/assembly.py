@@ -1,4 +1,4 @@
-"""Residuals of loops in position and velocity, and Newton's step of the dependents, which closes them.
+"""Residuals of loops in position and velocity, and Newton's step of the dependent coordinates, which closes the loops.
 
 Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided
 by the characteristic length. The residual of a rotation by t is 2 sin(t/2), which grows up to half a turn; sin(t) would

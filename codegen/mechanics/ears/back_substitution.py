@@ -99,7 +99,7 @@ def find_joints(x: Scope, kind: EarKind, lanes: bool) -> None:
 
 
 def carried_accelerations(x: Scope, kind: EarKind, a: Vector, lanes: bool) -> None:
-    """The explicit part of the accelerations of links with children, along their own axes. Eq. 54."""
+    """The explicit part of the accelerations of links with children, along the axes of each link. Eq. 54."""
     ear = EarGeometry(x, kind)
     store, base = (LME, LBASE) if lanes else (ME, BASE)
     rigid = x.load(base, fields.explicit_acceleration) if kind.carried and kind.rigid else None

@@ -249,8 +249,8 @@ def begin_inward(
 
 
 def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
-    """For each link, the force that it requires plus contributions of other links; and the tangent, with that of the
-    required force from the field `tangent`."""
+    """For each link, the force that it requires plus contributions of other links, and the tangent of this sum. The
+    tangents of the required forces are in the field `tangent`."""
     phi: list[Vector] = []
     d_phi: list[Vector] = []
     for k in range(len(kind.links)):
@@ -292,7 +292,8 @@ def column_of(ear: EarGeometry, k: int, j: int) -> Column:
 
 
 def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = False) -> Value:
-    """Tangent of the model's own force along a degree of freedom, or a prescribed coordinate, minus that of its rotor.
+    """Tangent of the model's own force along a degree of freedom, or a prescribed coordinate, minus the tangent of the
+    rotor's force.
 
     The balance holds udot of the independent degrees of freedom; the dependent udot follow. If the tangent of udot has been
     `found`, the rotor's force includes it.
@@ -406,7 +407,8 @@ def apply_wrench(
 def turned_back(
     x: Scope, ear: EarGeometry, place: int, theta: Vector | None, v: Vector, dv: Vector
 ) -> tuple[Vector, Vector]:
-    """Components along a link's axes of a vector given along the region's, and their tangents ``W^T (dv - theta x v)``."""
+    """Components along a link's axes of a vector given along the region's axes, and the tangents ``W^T (dv - theta x
+    v)`` of these components."""
     W = ear.attitude(place)
     if W is UNIT or theta is None:
         return v, dv

@@ -101,7 +101,7 @@ def of_root(x: Scope, root: Root) -> Vector:
 
 
 def store_tangent(x: Scope, store: Store, W: Matrix, dW: Matrix, force: Vector, tangent: Vector) -> None:
-    """Tangent of a moment and a force in the ground frame from those along a link's axes: ``dW f + W df``."""
+    """Tangent of a moment and a force in the ground frame, from components along a link's axes: ``dW f + W df``."""
     for i, value in enumerate(add(turned(W, tangent), turned(dW, force))):
         x.set_entry(store, i, x.let("dreaction", value, "d Eq. 45", lanes=True))
 

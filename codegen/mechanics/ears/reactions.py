@@ -1,8 +1,8 @@
 """Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
 
 With all accelerations known, the forces that the motions of links require are summed inward. Loops carry a wrench W
-such that the dependent joints transmit only their own joint force along themselves: ``E^T W = gamma``. Where conditions are
-redundant, W is the shortest such wrench.
+such that the dependent joints transmit only their own joint force along their degrees of freedom: ``E^T W = gamma``.
+Where conditions are redundant, W is the shortest such wrench.
 """
 
 from __future__ import annotations

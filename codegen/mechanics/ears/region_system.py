@@ -33,7 +33,8 @@ def unknowns(kind: RegionKind) -> int:
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
-    """For each partner, the index of its first component among all unknowns; a partner that is the base has its index there."""
+    """For each partner, the index of its first component among all unknowns; for a partner that is the base, the index
+    of the base."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
         found.append(place_of_base(kind) if m == kind.partners.base else at)
@@ -138,7 +139,7 @@ def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
 def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
     """Replace relative motions of far links by accelerations of these links and of the base: ``s = A_far - X A_base``. Eq. 39.
 
-    Changes Q and g; the far links' columns are then along their own axes.
+    Changes Q and g in place; the columns of a far link are then along the axes of that link.
     """
     tag = "Eq. 39"
     base, where = place_of_base(kind), places_of_partners(kind)

@@ -2,9 +2,9 @@
 
 A root is one of four: the *frame* of the region (its base, along whose axes everything is given); the *ground*, if the
 base is a link; a *link of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). An ear
-reads the same quantities of all of them: attitude, position, motion per unit of a source, velocity, accelerations,
-displacements and Newton's step; and it adds forces to them. Vectors are along the region's axes, relative to its base,
-unless a method says otherwise.
+reads the same quantities of every root: attitude, position, motion per unit of a source, velocity, accelerations,
+displacements and Newton's step. It also adds forces to the roots. Vectors are along the region's axes, relative to its
+base, unless a method says otherwise.
 
 Displacements along directions are passed on in slots while seeds are completed; `kept` displacements stay in lanes.
 """

@@ -76,7 +76,7 @@ class EarTangents:
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
     def correct(self, found: list[tuple[Vector, Vector]]) -> None:
-        """Add later results to the tangents of named values, and recompute those of values that depend on them.
+        """Add later results to the tangents of named values, and recompute the tangents of values that depend on these.
 
         A value that several links share is corrected once.
         """

@@ -1,8 +1,8 @@
 """The inertia and force of an ear's links along the sources of their region: the virtual body of Eqs. 39-41.
 
-With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g``. Here ``Q = sum Z_k^T I_k Z_k``
-and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``. A base that is a link carries the region like a joint with as many
-degrees of freedom.
+With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g``. Here ``Q = sum Z_k^T
+I_k Z_k`` and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``. A base that is a link carries the region as if by a
+joint, with one degree of freedom for each source.
 """
 
 from __future__ import annotations

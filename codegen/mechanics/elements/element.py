@@ -163,7 +163,7 @@ class Element:
 
     @property
     def absent(self) -> dict[str, int]:
-        """The coefficients that are zero for the whole kind, by their keys."""
+        """Keys of the coefficients that are zero for the whole kind."""
         return {
             key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=False) if form == ("number", 0)
         }

@@ -1,7 +1,8 @@
 """Sweeps over force elements: forces on links, energies, and the tangents of both.
 
-Points move in the ground frame. A link gets force and moment about its origin along its own axes (fields ``ext``). The kinematic
-sweep subtracts them from the force that the link's motion requires. The `Law` of each type is in a file of its own.
+Points move in the ground frame. The force on a link, and the moment about the link's origin, are along the link's axes
+(fields ``ext``). The kinematic sweep subtracts them from the force that the link's motion requires. The `Law` of each
+type is in a file of its own.
 """
 
 from __future__ import annotations

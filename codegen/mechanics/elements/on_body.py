@@ -1,4 +1,4 @@
-"""A force on a body through one of its points, or a torque on it."""
+"""A force on a body through one of its points, or a torque on a body."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Column:
         return along
 
     def remaining(self, x: Scope, i: int, v: Vector, lanes: bool) -> Value:
-        """Component i of ``v - s v_lead``, named if it differs from that of v."""
+        """Component i of ``v - s v_lead``, named if it differs from component i of v."""
         if i not in self.others:
             return v[i]
         return x.let("rest", v[i] - self.others[i] * v[self.lead], "Eq. 53", lanes=lanes)

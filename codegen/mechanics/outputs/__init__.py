@@ -1,4 +1,5 @@
-"""Measures for outputs: energies, points, rotations, formulas. To add one, write a file with its statements and list it here."""
+"""Measures for outputs: energies, points, rotations, formulas. To add a measure, write a file with the statements and
+list the measure here."""
 
 from __future__ import annotations
 

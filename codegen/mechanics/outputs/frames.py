@@ -46,7 +46,7 @@ class Body:
     turned: bool
 
     def in_ground(self, v: Vector) -> Vector:
-        """A vector along the link's axes, rotated into those of the model's ground."""
+        """A vector along the link's axes, rotated into the axes of the model's ground."""
         found = self.records.to_ground(self.body, v)
         return self._along_ground([found])[0]
 

@@ -193,7 +193,8 @@ def grounded(system: System) -> tuple[int, ...]:
 
 
 def carrier(system: System, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
-    """See `Records.carried`; for the ground, the placement of the model's axes in those of the computation."""
+    """See `Records.carried`; for the ground, the placement of the model's axes in the axes that the computation
+    uses."""
     link, steps = (GROUND, system.way_of_ground) if body == GROUND else system.carriers[body]
     return link, steps, BODY_FRAME if link == GROUND else system.links[link].frame
 

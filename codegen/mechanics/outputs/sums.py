@@ -34,7 +34,7 @@ def momenta(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, kind: LinkKind, into: Store, tangents: Store, values: Vector, tag: str) -> None:
-    """Add the contribution of a link to the sums, and its tangent to their tangents."""
+    """Add the contribution of a link to the sums, and the tangent of the contribution to the tangents of the sums."""
     named = [x.let("part", e, tag) for e in values]
     for j, e in enumerate(named):
         if not is_zero(e):

@@ -26,7 +26,8 @@ from .outputs import record_formula
 from .records import Records, expressions_of, links_of
 
 MEASURED = {"position": ("pose",), "velocity": ("pose", "kinetic")}
-"""Quantities of points that a switching function may read, with the names in `quantities.QUANTITIES` that provide them."""
+"""Quantities of points that a switching function may read, each with the name in `quantities.QUANTITIES` that provides
+it."""
 
 
 def quantities_of(switch: Switch) -> set[str]:

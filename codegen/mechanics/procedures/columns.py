@@ -58,7 +58,8 @@ def _columns(
     weighted: tuple[Weighted, ...] = (),
     symmetric: bool = True,
 ) -> AllColumns:
-    """Columns of matrices: `seeds` maps each seed to "q" or "u" (see `by_link`) and to its matrix, if it has one."""
+    """Columns of matrices: `seeds` maps each seed to "q" or "u" (see `by_link`) and to the matrix of its columns, if
+    there is one."""
     units, starts = by_link(w.system, *((array, what) for array, (what, _) in seeds.items()))
     return AllColumns(
         units,

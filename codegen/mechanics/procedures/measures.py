@@ -112,7 +112,8 @@ def driving_forces(w: Shared) -> list[Procedure]:
 
 
 def reactions_of(w: Shared) -> list[Procedure]:
-    """Reactions of joints and loops. Their derivatives need those of udot and two further sweeps over directions."""
+    """Reactions of joints and loops. The derivatives of reactions need the derivatives of udot and two further sweeps
+    over directions."""
     names = ["reaction", *(["loop_reaction"] if w.loops else [])]
     wrenches = w.of(*names)
     poses, turned = w.measuring([POSE], w.solved, w.solved_along)

@@ -41,10 +41,11 @@ TRANSPOSED = {
     "completion": ("completion_sensitivities", "assemble_gradients"),
     "switches": ("switch_sensitivities", "switch_gradients"),
 }
-"""Functions with a transpose: the function of their derivatives, and the solver's name for the transpose."""
+"""Functions that have a transpose. For each: the function that computes its derivatives, and the name of the transpose
+in the solver."""
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
-"""The sweeps of the balance's transpose. If no other sweep follows, their memory need not be cleared."""
+"""The sweeps of the balance's transpose. If no other sweep follows these, their memory need not be cleared."""
 
 
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:

@@ -72,7 +72,8 @@ def split(
 
 
 def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
-    """A tree with numbered slots for its numbers, which are appended to `numbers`, and for its names; see `split`."""
+    """A tree with numbered slots in place of its names and numbers; the numbers are appended to `numbers`. See
+    `split`."""
 
     def numbered(part: Tree) -> Tree:
         numbers.append(float(part[1]))

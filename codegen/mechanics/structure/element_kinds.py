@@ -1,8 +1,8 @@
-"""Force elements on bodies: their attachment points, the forms of their coefficients, and their kinds.
+"""Force elements on bodies: their attachment points, the forms of their coefficients, and the kinds of the elements.
 
-A coefficient is an expression of the model. The element's block computes its terms in positions and velocities of points. Its
-largest subexpressions without such terms are *coefficients* of the generated code: formulas evaluated before the sweeps.
-Elements of one kind may differ in these subexpressions only.
+A coefficient is an expression of the model. The element's block computes its terms in positions and velocities of points.
+The largest subexpressions without such terms are *coefficients* of the generated code: formulas evaluated before the
+sweeps. Elements of one kind may differ in these subexpressions only.
 """
 
 from __future__ import annotations

@@ -249,7 +249,8 @@ def _couplings(
     ears: Sequence[EarLinks],
     contributor: dict[int, int],
 ) -> Elimination:
-    """Couplings as blocks: the link of their rows, the units that contribute, and their memory slots."""
+    """Couplings as blocks: the link to which the rows belong, the units that contribute, and the memory slots of the
+    blocks."""
     place: dict[int, tuple[int, int]] = {}
     of_region: dict[int, Partners] = {}
     for n, unit in enumerate(order):
@@ -305,7 +306,8 @@ def _couplings(
 
 
 def _of_ear(unit: Unit, region: Partners, ends: list[tuple[int, int]], at_link: dict[int, list[int]]) -> Partners:
-    """The partners of an ear, which are those of its region; removes couplings that end with its links from `at_link`."""
+    """The partners of an ear, which are the partners of its region; removes couplings that end with its links from
+    `at_link`."""
     mine = Partners(region.links, region.base)
     inside = {i: k for k, i in enumerate(unit.links)}
     for c in sorted({c for i in unit.links for c in at_link.pop(i, ())}):

@@ -41,7 +41,7 @@ Carrier = tuple[int, tuple[Placement, ...]]
 
 @dataclass(slots=True, eq=False)
 class Frame:
-    """A link's frame in its body: one of its coordinate axes is the axis of the joint.
+    """A link's frame in its body: one of the frame's coordinate axes is the axis of the joint.
 
     `index` is that coordinate axis. `vector` is the axis along the body's axes; None if the link has the body's axes. For an axis
     that is not a coordinate axis of the body, `start` is the body axis from which the frame's first axis is constructed.
@@ -180,7 +180,7 @@ ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
 
 
 def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
-    """The frame of a joint with this axis: the body's own axes if the axis is one of them."""
+    """The frame of a joint with this axis. It has the body's axes if the axis is one of them."""
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along
@@ -244,7 +244,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """The part of the chain that this joint can represent; None if their motions differ in more than numbering."""
+    """The part of the chain that this joint can represent; None if joint and chain differ in more than numbering."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()
@@ -331,7 +331,7 @@ def turned_about(
     that rotation.
 
     The angle is added to the joint angle: one addition instead of a constant rotation. Only one angle is removed, since a sum of
-    several would be rounded. Quarter turns stay, since they cost nothing.
+    several would be rounded. Quarter turns are not removed, since they cost nothing.
     """
     if not rotation:
         return rotation, 0.0

@@ -68,7 +68,7 @@ class ModelConstants:
         return self._make(("gravity",), g, written)
 
     def _make(self, structure: object, expressions: Sequence[Expression], written: Written) -> Constants:
-        """The constants of a set of expressions; expands their shape if it is new."""
+        """The constants of a set of expressions; expands their shape if no earlier set has the same shape."""
         slots = Slots()
         for e in expressions:
             slots.tree(e)

@@ -1,7 +1,7 @@
 """Which link's memory a store accesses, for each instance of a kind.
 
-A block is written once for a kind and names its neighbours by their owner (`stores`): its parent, a root, a partner. These are
-different links for each instance. Addresses, zero patterns and gradients look them up here.
+A block is written once for a kind and names neighbouring memory by its owner (`stores`): its parent, a root, a partner.
+These are different links for each instance. Addresses, zero patterns and gradients look these links up here.
 """
 
 from __future__ import annotations

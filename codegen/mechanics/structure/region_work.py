@@ -1,5 +1,4 @@
-"""Estimated multiplications for loops in one region and in separate regions; the choice between the two follows from
-them.
+"""Estimated multiplications for loops in one region and in separate regions, by which one of the two is chosen.
 
 Compared with the additions and multiplications generated for udot, for separate regions and one region (section 4.3 of the
 theory page): Delta robot, estimates 38 000 and 9 000, generated 44 000 and 17 000; Stewart platform, 7 300 and 6 600, generated
@@ -59,7 +58,7 @@ class Bundle:
 
 @dataclass(slots=True)
 class Freedoms:
-    """Links, their dependent speeds, and the links of the loops' faces.
+    """The links of a model, their dependent speeds, and the links of the loops' faces.
 
     Attributes
     ----------

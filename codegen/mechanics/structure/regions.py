@@ -82,7 +82,8 @@ def find_regions(
         number = {f: c for c, f in enumerate(free)}
         moved = {i for b in bundles for i in b.members}
         for b in bundles:
-            # links inboard of all dependent joints get ears of their own without loops, so that equal loops are of one kind
+            # links inboard of all dependent joints become separate ears without loops, so that equal loops are of one
+            # kind
             for i in b.links:
                 if i not in moved:
                     made.add([i], (), number, 1.0)
@@ -123,8 +124,9 @@ def _components(
     """Groups of ears that share links on their cycles, directly or through other ears; and the link that carries each
     group.
 
-    Cycles are followed inward from both faces, up to links of an earlier ear, and then continue from the base of its group.
-    Couplings come last, since paths between their joints pass through loops to whose links they are unrelated.
+    Cycles are followed inward from both faces, up to links of an earlier ear, and then continue from the base of its
+    group. Couplings come last: the paths between the joints of a coupling pass through loops whose links have nothing
+    to do with it.
     """
     parts = [(ear, tuple(i for i in ear.loops if i not in coupled)) for ear in partition.ears]
     parts = [(ear, loops) for ear, loops in parts if loops or not ear.loops]
@@ -170,7 +172,8 @@ def _bundles(
     bundles: list[Bundle],
     dependent: set[tuple[int, int]],
 ) -> list[Bundle]:
-    """The ears of a group with the links that they move; ears that start from each other's links are joined.
+    """The ears of a group, each with the links that it moves. Ears that start from each other's links,
+    directly or through other ears, are joined.
 
     A coupling is joined with the ears that contain its links, and with loops that must be closed together with it.
     """

@@ -57,7 +57,7 @@ class SharedConstants:
         return self.shape.varying.get(name, name) if store is self.store else name
 
     def fold(self, owned: list[Constants]) -> None:
-        """Separate the numbers that are equal for all owners from those that are data."""
+        """Separate the numbers that are equal for all owners from the numbers that are data of each owner."""
         distinct = list({id(c): c for c in owned}.values())
         for name in self.shape.fields:
             if name in self.shape.varying:

@@ -94,7 +94,8 @@ class System:
 
     @property
     def coefficient_counts(self) -> dict[str, int]:
-        """Number of coefficients of force elements, by array: of elements with an energy, and of the others."""
+        """Number of coefficients of force elements, by array: those of elements with an energy, and those of elements
+        without."""
         counts = {"coefficient": 0, "drive": 0}
         for e in self.elements:
             counts["coefficient" if e.element.has_energy else "drive"] += len(e.parts)
@@ -203,7 +204,7 @@ def speeds_and_held(model: Model) -> tuple[set[int], set[int]]:
 
 
 def speeds_with_forces(model: Model, force: JointForce) -> Iterator[tuple[int, Expression]]:
-    """The nonzero values of a joint force with their speeds; prescribed coordinates have the numbers -1, -2, ..."""
+    """The nonzero values of a joint force, each with its speed; prescribed coordinates have the numbers -1, -2, ..."""
     i, places = model.coordinate_slices[force.body][1].start, model.places_of_prescribed
     for j, value in enumerate(force.values):
         n = places.get((force.body, j))

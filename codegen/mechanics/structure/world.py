@@ -1,4 +1,4 @@
-"""Choice of the ground's axes, so that loops that close on it keep the simple form in which they were designed.
+"""Choice of the ground's axes, so that loops that close on the ground keep the simple form in which they were designed.
 
 Suppose that a model file gives all bearings of a planar mechanism on the ground the same rotation. Along the ground's
 axes its conditions then have terms in all three directions, and rounding changes its lengths: a parallelogram whose
@@ -40,7 +40,7 @@ _ONE: Tree = ("number", 1)
 
 
 def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
-    """The same system with other axes of the ground, if loops that close on it are simpler along these.
+    """The same system with other axes of the ground, if loops that close on the ground are simpler along them.
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def column_turns(x: Scope, kind: LinkKind) -> None:
 
 
 def column_seed(x: Scope, kind: LinkKind) -> None:
-    """Changes of the link's motion by its own coordinates and speeds, and the forces that they cause."""
+    """Changes of the link's motion due to its own coordinates and speeds, and the forces due to these changes."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))

@@ -89,12 +89,12 @@ def newton_euler_outward(x: Scope, kind: LinkKind, found: bool = False) -> None:
 
 
 def missing_forces(x: Scope, kind: LinkKind) -> None:
-    """`newton_euler_inward` without the model's own joint forces: zero for the udot of forward dynamics."""
+    """`newton_euler_inward` minus the model's own joint forces; the result is zero for the udot of forward dynamics."""
     newton_euler_inward(x, kind, [x.entry(TAU, j) if forced else 0 for j, forced in enumerate(kind.forced)])
 
 
 def newton_euler_inward(x: Scope, kind: LinkKind, known: Sequence[Value] = ()) -> None:
-    """Forces transmitted by the joints; their components along the degrees of freedom, minus known ones, are the joint
+    """Forces transmitted by the joints. The components along the degrees of freedom, minus known joint forces, are the joint
     forces of the inverse dynamics."""
     let = x.let
     joint = kind.joint(x, kind)

@@ -1,4 +1,5 @@
-"""Tangents of blocks: symbols with tangents, symbols that are functions of others, and the resulting statements."""
+"""Tangents of blocks: symbols with tangents, symbols that are functions of other symbols, and the resulting
+statements."""
 
 from __future__ import annotations
 
@@ -84,7 +85,7 @@ UP_TANGENTS = {
         (fields.moving.al, fields.moving.al), (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
     )
 }  # fmt: skip
-"""Fields of the parent that have a tangent, with their names."""
+"""Fields of the parent that have a tangent, each with its name."""
 
 
 OWN_SEEDS = (COORDINATES, SPEEDS, TURNS)

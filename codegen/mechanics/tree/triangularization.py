@@ -1,8 +1,9 @@
 """Triangularization, inward: articulated inertias and forces. Eqs. 42-47.
 
-The joint's own row and column of the propagated inertia are structural zeros, and the joint's entry of the force is the joint
-force itself (T_k annihilates P_k exactly). Neither is ever computed. The rotor of a joint changes both, see `elimination`. A
-joint with several degrees of freedom is eliminated one unit column after the other: the LDL^T factorisation of its M_k.
+The joint's own row and column of the propagated inertia are structural zeros, and the joint's entry of the force is the
+joint force itself (T_k annihilates P_k exactly). Neither is ever computed. The rotor of a joint changes the inertia and
+the force, see `elimination`. A joint with several degrees of freedom is eliminated one unit column after the other: the
+LDL^T factorisation of its M_k.
 """
 
 from __future__ import annotations
