@@ -46,7 +46,8 @@ class Evaluation:
 
 @dataclass(slots=True, eq=False)
 class Point:
-    """Results at an x: value, gradient by x (n,), functionals (m,) and their gradients by x (m, n); or an error."""
+    """Results at an x: the value, its gradient by x (n,), the functionals (m,) and their gradients by x (m, n); or an
+    error."""
 
     value: float
     gradient: Array

@@ -1,4 +1,4 @@
-"""Errors that a motion may raise while another motion succeeds; a search or a batch continues after them."""
+"""Errors that a motion may raise while other motions succeed; after such an error, a search or a batch continues."""
 
 from __future__ import annotations
 

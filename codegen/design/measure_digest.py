@@ -1,4 +1,4 @@
-"""A digest of everything on which the result of a function depends: its code, and what the code refers to.
+"""A digest of everything on which the result of a function depends: its code, and everything to which the code refers.
 
 It uses the compiled code, since the text in the file may have been edited after the import. Comments and docstrings do not count.
 Python's version does, because the compiled code depends on it.
@@ -151,7 +151,7 @@ def _code(code: types.CodeType, docstring: str | None) -> list[Any]:
 
 
 def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
-    """A code object and those of the functions defined in it."""
+    """A code object, and the code objects of the functions defined in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
@@ -179,7 +179,7 @@ def _referred(function: types.FunctionType) -> Iterator[tuple[str, Any]]:
 
 
 def _changed(code: types.CodeType) -> set[str]:
-    """Names outside of a function that it assigns, or whose values it changes."""
+    """Names outside of a function that the function assigns, or whose values it changes."""
     found = set[str]()
     for part in _codes(code):
         loads: dict[tuple[int | None, int | None], str] = {}

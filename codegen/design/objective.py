@@ -249,7 +249,8 @@ class Objective(OfVariables):
     def _constrained(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike, upper: ArrayLike
     ) -> tuple[slice, Array, Array]:
-        """Functionals evaluated with the objective: their places among all functionals, and their bounds (m,)."""
+        """Functionals evaluated together with the objective: their positions among all functionals, and their bounds
+        (m,)."""
         wanted = check_functionals(functionals, self.solver.output_names, self.start, self.end)
         low, high = bounds_of(len(wanted), lower, upper)
         first = len(self._functionals)

@@ -26,7 +26,7 @@ STUCK = ("ABNORMAL", "Positive directional derivative")
 """Parts of SciPy's messages for a line search that finds no lower value."""
 
 STEP_BACK = 10.0
-"""The value of a failing motion is this multiple of the largest change of the objective so far."""
+"""Factor on the largest change of the objective so far, which gives the value of a failing motion."""
 
 
 def optimize(

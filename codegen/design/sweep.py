@@ -261,7 +261,8 @@ class _Crew:
         self._tell()
 
     def _fewer(self, lost: list[list[str]]) -> None:
-        """After an executor ended: repeat its cases in smaller groups; a case that ran alone is blamed."""
+        """After an executor ended: repeat its cases in smaller groups; a case that ran alone is recorded as the
+        cause."""
         if len(lost) == 1 and len(lost[0]) == 1:
             self._lost_alone(lost[0])
             self.in_vain += 1
@@ -272,7 +273,7 @@ class _Crew:
         self.ahead = max(1, self.ahead // FEWER)
 
     def _lost_alone(self, part: list[str]) -> None:
-        """Repeats the cases of a task that ended its worker one by one, or blames its only case."""
+        """Repeats the cases of a task that ended its worker one by one, or records its only case as the cause."""
         if len(part) > 1:
             self.waiting.extendleft([k] for k in reversed(part))
             return

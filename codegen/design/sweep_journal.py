@@ -70,7 +70,7 @@ class Journal:
             raise
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Append rows; they are passed to the operating system when this returns."""
+        """Append rows; when this returns, the operating system has received them."""
         lines = [
             json.dumps({"case": r.case} | ({"values": r.values} if r.failure is None else {"failed": r.failure}))
             for r in rows
@@ -95,7 +95,7 @@ class Journal:
                 ) from None
 
     def _read(self, header: Case) -> dict[str, Row]:
-        """The rows of the file; it is checked completely before anything is written."""
+        """The rows of the file, which is checked completely before anything is written."""
         self._file.seek(0)
         whole, _, cut = self._file.read().rpartition(b"\n")
         first = json.dumps(header).encode()

@@ -102,7 +102,7 @@ class Variables:
 
     @property
     def x_bounds(self) -> tuple[Array, Array]:
-        """The bounds as an optimiser sees them, (n,) each."""
+        """The lower and upper bounds as an optimiser sees them, (n,) each."""
         return (self.lower - self.origin) / self.scale, (self.upper - self.origin) / self.scale
 
     def values(self, x: ArrayLike) -> Array:
@@ -280,7 +280,7 @@ class Variables:
     # -- the names of the variables ------------------------------------------------------------------------------------
 
     def _expanded(self, name: str) -> list[str]:
-        """Expand names: a whole input to its values, a vector to its entries."""
+        """Expand names: a whole input becomes its values, a vector its entries."""
         of = name.removeprefix("inputs.")
         if of != name and of in self.solver.signal_names:
             count = self._inputs.counts()[self.solver.signal_names.index(of)]

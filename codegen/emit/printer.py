@@ -106,7 +106,7 @@ class Printer(ABC):
 
     def _sum(self, e: Expr, level: int) -> str:
         terms = [(_is_negative(t), t) for t in e.args]
-        terms.sort(key=_sign)  # a positive term first; the sort is stable, so the others keep their order
+        terms.sort(key=_sign)  # a positive term comes first; the sort is stable, so the other terms keep their order
         text = ""
         for negative, t in terms:
             printed = self._unsigned(t) if negative else self._print(t, PRODUCT)

@@ -21,7 +21,7 @@ LONGEST = 16
 Item = str | int | float
 
 Form = str | type[int] | tuple[str, str]
-"""An item without its integers: a name with ``{}`` in their place, an integer, another number."""
+"""An item with placeholders for its integers: a name with ``{}``, an integer, or another number."""
 
 _INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
 

@@ -1,4 +1,4 @@
-"""Functions of constants and formulas: those that differ only by rows of tables are one function."""
+"""Functions of constants and formulas; functions that differ only by rows of tables become one function."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class RowWriter(SweepWriter):
         return f, self.repeat_rows(name, lanes, len(integers))
 
     def constants_functions(self) -> tuple[list[Function], list[str]]:
-        """Functions that compute constants from parameters, and their calls."""
+        """Functions that compute constants from parameters, and the statements that call these functions."""
         functions, calls = [], []
         places = self.parameter_places
         for shape in self.plan.shapes:
@@ -93,7 +93,8 @@ class RowWriter(SweepWriter):
         return functions, calls
 
     def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
-        """Functions of the formulas of a target: for values, tangents and their transposes, if they are called."""
+        """Functions of the formulas of a target: for their values, tangents and transposes, as far as these are
+        called."""
         result: dict[str, Any] = {
             f"{kind}{part}": [] for kind in ("", "lane_", "back_", "twice_") for part in ("functions", "calls", "names")
         }

@@ -22,7 +22,7 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Prefix of the function of a formula that a step calls: for values, tangents, their transpose, or its tangent."""
+    """Prefix of the name of a formula's function: for values, tangents, the transposed tangents, or tangents of the latter."""
     if step.twice:
         return "twice_"
     return "back_" if step.backwards else "lane_" if step.lanes else ""

@@ -34,7 +34,7 @@ class SweepWriter(Language):
         return {s: of.blocks for s, of in found if s in run and any(block.stores for block in of.blocks.values())}
 
     def shared(self, sweep: str) -> list[tuple[Kind, ...]]:
-        """The kinds that have a block in a sweep, grouped if their functions differ only in rows."""
+        """The kinds that have a block in a sweep, in groups whose functions differ only in rows."""
         if sweep not in self._shared:
             found: dict[object, list[Kind]] = {}
             for kind in self.plan.sweeps[sweep].kinds:

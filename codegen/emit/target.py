@@ -22,7 +22,7 @@ def spelled(where: str, prefix: str = "") -> dict[str, str]:
 
 
 class TargetError(ValueError):
-    """A target cannot write what a model needs: it lacks a function, or its scalar type cannot hold a number."""
+    """Raised if a target cannot write a model: it lacks a function, or its scalar type cannot hold a number."""
 
 
 class UnwritableError(TargetError):

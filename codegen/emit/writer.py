@@ -66,7 +66,7 @@ class Writer(RowWriter):
 
     @cached_property
     def groups(self) -> dict[Formulas, list[Function]]:
-        """The functions of each formula, then the function that calls them; empty without formulas."""
+        """For each formula, its functions, then the function that calls them; no group without formulas."""
         _ = self.constants
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
@@ -112,7 +112,8 @@ class Writer(RowWriter):
                 return bool(self.prepared(step.what))
 
     def where_run(self, named: Iterable[tuple[str, list[Function]]]) -> list[Function]:
-        """Functions of sweeps and formulas by name, as they are printed; targets that compile parts separately add conditions."""
+        """Functions of sweeps and formulas by name, as they are printed. A target that compiles parts separately adds
+        conditions."""
         return [f for _, functions in named for f in functions]
 
     def shared_context(self) -> dict[str, Any]:

@@ -776,7 +776,7 @@ def _operand(value: object) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Mappings, lists and scalars of any kind as plain ones."""
+    """Mappings, lists and scalars of any type, as plain Python data."""
     if isinstance(value, str):
         return str(value)
     if isinstance(value, (int, float, Expression)) or value is None or is_sympy(value):

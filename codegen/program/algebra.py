@@ -1,12 +1,13 @@
 """Expressions of statements: sums, products, powers and functions of symbols and numbers, each kept once.
 
-Statements are short, and there are many. A general algebra system would spend most of the generation time on questions such as
-whether a product commutes. Only a few operations are needed here: terms and factors are sorted, equal ones combined, zeros and
-ones dropped. Equal expressions are the same object, so comparison and lookup are fast.
+Statements are short, and there are many. A general algebra system would spend most of the generation time on questions
+such as whether a product commutes. Only a few operations are needed here: terms and factors are sorted, equal terms and
+equal factors are combined, zeros and ones are dropped. Equal expressions are the same object, so comparison and lookup
+are fast.
 
-The rules are those of sympy where it has one. Terms that differ only in their numerical factor are combined, and so are powers of
-one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and `raw_product` keep
-their order until something is substituted into them.
+Where sympy has a rule, it is used here. Terms that differ only in their numerical factor are combined, and so are
+powers of one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and
+`raw_product` keep their order until something is substituted into them.
 """
 # long: the operators of expressions apply the rules of sums, products and powers, which make expressions
 
@@ -133,7 +134,7 @@ class Number(Expr):
     """A number. A double with an integer value is stored as the integer.
 
     It equals plain numbers of the same value and has their hash. Two numbers of the same type and value are the same object. A
-    double and a fraction of the same value are different numbers, because their sums round differently.
+    double and a fraction of the same value are different numbers, because sums with them round differently.
     """
 
     __slots__ = ("hash", "value")
@@ -275,7 +276,7 @@ _NONE: frozenset[Symbol] = frozenset()
 _symbols: WeakValueDictionary[str, Symbol] = WeakValueDictionary()
 _numbers: dict[tuple[type, object], Number] = {}
 _made: dict[tuple[object, ...], Expr] = {}
-"""Caches: sums, products, powers and functions by their operands, and the results of adding or multiplying operands."""
+"""Caches of sums, products, powers and functions by their operands, and of results of `add` and `multiply`."""
 _remembered: list[Callable[[], None]] = []
 _users, _changing = 0, threading.Lock()
 
@@ -296,7 +297,8 @@ def remembered(f: Callable[[Expr], T]) -> Callable[[Expr], T]:
 
 @contextmanager
 def expressions_kept() -> Iterator[None]:
-    """Keep equal expressions identical inside the context; release them when the outermost context ends."""
+    """Inside the context, equal expressions are kept as one object; they are released when the outermost context
+    ends."""
     global _users
     with _changing:
         _users += 1
@@ -671,7 +673,8 @@ def numbers_of(e: Expr) -> Iterator[Number]:
 
 
 def value_of_number(e: Expr) -> float:
-    """The value of an expression without symbols, in the precision of ``mpmath`` where it exceeds that of a double."""
+    """The value of an expression without symbols, in the precision of ``mpmath`` where that exceeds the precision of a
+    double."""
     long = mpmath.mp.prec > 53
     if isinstance(e, Number):
         if long and isinstance(e.value, Fraction):

@@ -174,7 +174,8 @@ class Scope(ABC):
 
     @abstractmethod
     def call(self, function: str, *arguments: Value) -> Value:
-        """An elementary function, by its name in the expression grammar; its value is not named."""
+        """The value of an elementary function, by the function's name in the expression grammar; the value gets no
+        name."""
 
     @property
     def half(self) -> Value:
@@ -365,7 +366,7 @@ class Expansion(Scope):
         return self.block
 
     def find(self, value: Expr) -> Expr | None:
-        """The name of an expression (or minus the name of its negative), if it has one."""
+        """The existing name of an expression, or minus the name of its negative; None without a name."""
         known = self._named.get(value)
         if known is None and up_to_sign(value) in self._named_up_to_sign:
             opposite = self._named.get(-value)
@@ -444,7 +445,7 @@ class StructuralExpansion(Scope):
     def set_component(self, store: Store, name: str, value: Value) -> None:
         value = self.let(name, value)
         if store.adds:
-            # another block may also add to this component, so its value is unknown
+            # another block may also add to this component, so the component's value is unknown
             value = ANY if value else 0
         number = value if isinstance(value, int) else None
         key = store, name

@@ -1,4 +1,5 @@
-"""Procedures with the steps that a target takes, without steps that have no effect; and their routines."""
+"""Procedures with the steps that a target takes, without steps that have no effect; and the routines of these
+procedures."""
 
 from __future__ import annotations
 

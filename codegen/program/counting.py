@@ -24,7 +24,7 @@ def sweeps(procedures: tuple[Procedure, ...]) -> set[str]:
 
 
 def counted(procedure: Procedure, outside: str) -> list[str]:
-    """Names of what a procedure runs, in order of first use: sweeps, formulas, and preparations (`outside`).
+    """Names of the sweeps, formulas and preparations (`outside`) that a procedure runs, in order of first use.
 
     A repeated run is listed repeatedly. Each column of a matrix is a direction, so the computation of columns counts once for all
     matrices. A sweep that computes values, over one direction, is called ``solve_in_1``. Values and tangents of formulas share a
@@ -44,7 +44,8 @@ def counted(procedure: Procedure, outside: str) -> list[str]:
 
 
 def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
-    """Names of what some steps run, in order of first use; steps that run once for each column are excluded."""
+    """Names of the sweeps, formulas and preparations that some steps run, in order of first use. Steps that run once
+    for each column are excluded."""
     found: list[str] = []
     shared: dict[tuple[str, bool], int] = {}
     for step in flat(steps, lambda step: True):

@@ -1,13 +1,13 @@
 """Derivative primitives of statements, and the tangent statements made of them.
 
-The derivative primitives of a statement are the partial derivatives of its right side with respect to its own operands. They are
-small, computed once, and shared by all directions. A tangent statement is their sum, ``d symbol = sum_i primitive_i * d
-operand_i``, zero terms dropped.
+The derivative primitives of a statement are the partial derivatives of its right side with respect to its own operands.
+They are small, computed once, and shared by all directions. A tangent statement is the sum ``d symbol = sum_i
+primitive_i * d operand_i``, without zero terms.
 
-Some operands are functions of others and carry no tangent of their own: the sine and cosine of an angle, the entries of a
-rotation matrix, the constants of a body. They are *transparent*: they are differentiated with respect to the quantities they
-depend on. So ``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``. This takes one product where the plain chain rule needs two,
-and its factor often has a name already.
+Some operands are functions of other operands and carry no tangent of their own: the sine and cosine of an angle, the
+entries of a rotation matrix, the constants of a body. These are *transparent*: the derivative is taken with respect to
+the quantities on which they depend. So ``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``. This takes one product
+where the plain chain rule needs two, and its factor often has a name already.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Precision of the numbers in a program: that of a double, or more for a program that is evaluated in extended precision.
+"""Precision of the numbers in a program: double precision, or more for a program that is evaluated in extended
+precision.
 
 Extended precision changes only values that are computed from numbers alone, such as inertias about joints.
 """

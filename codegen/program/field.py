@@ -105,7 +105,7 @@ class Readable(ABC, Generic[V_co]):
         """The value of the field, from the values of its components."""
 
     def scalars(self) -> tuple[ScalarField, ...]:
-        """The components as fields of their own; the same objects each time."""
+        """The components as separate fields; the same objects each time."""
         return self._scalars
 
     @cached_property
@@ -246,7 +246,8 @@ class ShiftField(SixField):
 
 
 class EarShiftField(SixField):
-    """Rotation vector, then displacement, for links of ears, whose fields have other names."""
+    """Rotation vector, then displacement, for links of ears; the components have other names than those of
+    `ShiftField`."""
 
     halves = ("th", "d")
     called_halves = ("rotation", "displacement")

@@ -33,7 +33,7 @@ MULTIPLIED = 16
 
 
 def computed(compute: Callable[[], float]) -> Expr:
-    """Value of a function of numbers; NaN where it is undefined or overflows."""
+    """Value of a function of numbers; NaN where the value is undefined or overflows."""
     try:
         value = compute()
         return number(value) if math.isfinite(value) else Number(math.nan)
@@ -92,10 +92,10 @@ AtLeast = _plain("AtLeast")
 """1 if the first argument is at least the second, else 0."""
 
 Maximum = _plain("Maximum")
-"""The larger of two numbers; where they are equal, it has the derivative of the first."""
+"""The larger of two numbers; where the numbers are equal, it has the derivative of the first."""
 
 Minimum = _plain("Minimum")
-"""The smaller of two numbers; where they are equal, it has the derivative of the first."""
+"""The smaller of two numbers; where the numbers are equal, it has the derivative of the first."""
 
 Sign = _plain("Sign")
 """-1, 0 or 1; its derivative is taken as zero."""
@@ -135,7 +135,8 @@ def HeldModulo(*arguments: object) -> Expr:
 
 
 def Choice(*arguments: object) -> Expr:
-    """The second argument if the first is 1, the third if the first is 0; the other may be infinite."""
+    """The second argument if the first is 1, the third if the first is 0. The argument that is not chosen may be
+    infinite."""
     c, x, y = map(expression, arguments)
     if isinstance(c, Number):
         return x if c else y

@@ -18,7 +18,7 @@ PART = 1000
 """Approximate length of a part."""
 
 WINDOW = 200
-"""A part may be longer or shorter by this much if fewer values are then carried over."""
+"""A part may be longer or shorter by this much if fewer values are carried over as a result."""
 
 
 def in_parts(

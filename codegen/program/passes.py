@@ -52,7 +52,7 @@ def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
 
 
 def share_values(block: Block) -> Block:
-    """Give equal right sides one name, also if they differ only in sign."""
+    """Give equal right sides one name, also right sides that differ only in sign."""
     named: dict[Expr, Expr] = {}
     unsigned: set[Hashable] = set()
     known: dict[Symbol, Expr] = {}

@@ -67,7 +67,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, their tangents, the transposes of these, or their tangents (`twice`)."""
+    """Evaluate the model's own formulas of some targets, tangents, transposed tangents, or tangents of these (`twice`)."""
 
     name: str
     targets: tuple[str, ...]
@@ -405,7 +405,7 @@ class Procedure:
         return self.member or self.name
 
     def written_apart(self) -> frozenset[str]:
-        """Results that no sweep writes: steps copy into them, or another array uses their memory."""
+        """Results that no sweep writes: steps copy values into these results, or another array uses their memory."""
         found: set[str] = set()
         for step in within(self.steps):
             if isinstance(step, Copy):
@@ -452,7 +452,7 @@ def stops(step: Step) -> bool:
 
 
 def walk(steps: tuple[Step, ...]) -> Iterator[Step]:
-    """All steps in order; those inside routines and other steps follow the step that contains them."""
+    """All steps in order; the steps inside a routine or another step follow the step that contains them."""
     for step in steps:
         yield step
         if isinstance(step, Perform):

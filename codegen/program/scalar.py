@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Scalar(Protocol):
-    """An expression, or (`block.Nonzero`) a value of which it is only known that it may differ from zero."""
+    """An expression, or (`block.Nonzero`) an unknown value that may differ from zero."""
 
     def __add__(self, other: Scalar | float, /) -> Scalar | float: ...
     def __radd__(self, other: Scalar | float, /) -> Scalar | float: ...

@@ -125,7 +125,7 @@ class Store:
 CONSTANT = Memory("constants", life=Life.OUTSIDE)
 ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
 MARGIN = Memory("margins")
-"""Margins that must be positive. They are not stored: a function stops if one of them is not positive."""
+"""Margins that must be positive. Margins are not stored: a function stops if a margin is not positive."""
 
 MODEL = Owner("model")
 SHAPE = Store("pc", MODEL, CONSTANT)

@@ -1,10 +1,11 @@
 """The transpose of a block: the adjoint of its linear map from inputs per direction to outputs per direction.
 
-A block over directions has a scalar part and a part that is linear in the values per direction. Each statement of the linear part
-is ``t = sum_i c_i s_i`` with scalar ``c_i``. The transpose goes from the last statement to the first and adds ``c_i t_bar`` to
-every ``s_i_bar``. It reads the adjoints of fields that the block stores, and adds to those of fields that it loads. The adjoint
-of a field is stored in the place of the field. So ``lambda^T J`` costs about as much as ``J v``, whatever the number of
-parameters. No tape is kept: the scalars are recomputed from the same inputs.
+A block over directions has a scalar part and a part that is linear in the values per direction. Each statement of the
+linear part is ``t = sum_i c_i s_i`` with scalar ``c_i``. The transpose goes from the last statement to the first and
+adds ``c_i t_bar`` to every ``s_i_bar``. It reads the adjoints of fields that the block stores, and adds to the adjoints
+of fields that the block loads. The adjoint of a field is stored in the place of the field. So ``lambda^T J`` costs
+about as much as ``J v``, whatever the number of parameters. No tape is kept: the scalars are recomputed from the same
+inputs.
 
 A store that overwrites a place ends the life of its adjoint, which is cleared if the place may be used again (`Cleared`). A place
 that is loaded, added to and stored again keeps its adjoint.
@@ -81,7 +82,7 @@ def _scaled(operation: Operation, *factors: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Kept:
-    """Scalars that blocks over directions store themselves; they are computed in advance and kept.
+    """Scalars that blocks over directions store. They are computed in advance and kept.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
-"""Models in sympy: their equations of motion, and the statements that are computed.
+"""Models in sympy: their equations of motion, and the statements that a solver computes.
 
-Sympy is imported when one of these names is first read, and by nothing else of ordernm on the way from a model to a solver.
+Sympy is imported when one of these names is first read. No other step from a model to a solver imports it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The number type of the reference engines for symbols: polynomials; it converts expressions of a model to those of sympy."""
+"""The number type of the reference engines for symbols: polynomials. It also converts expressions of a model to
+sympy's."""
 
 from __future__ import annotations
 

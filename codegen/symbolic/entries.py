@@ -19,7 +19,7 @@ LARGEST = 2**53
 def needed(
     of: Iterable[sympy.Basic], definitions: Sequence[tuple[sympy.Symbol, sympy.Expr | Polynomial]]
 ) -> dict[sympy.Symbol, sympy.Expr]:
-    """The intermediate variables that expressions and matrices need, in their order."""
+    """The intermediate variables that expressions and matrices need, in the order of their definitions."""
     needed, found = {s for e in of for s in e.free_symbols}, {}
     for symbol, value in reversed(definitions):
         if symbol in needed:
@@ -29,7 +29,7 @@ def needed(
 
 
 def count(e: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
-    """Number of terms of an expression; a product has the terms of those factors that are sums."""
+    """Number of terms of an expression; in a product, the terms of all factors that are sums are counted."""
     if e not in known:
         inner = [count(x, known) for x in e.args]
         known[e] = sum(inner) if e.is_Add else sum(n for n in inner if n > 1) or 1
@@ -37,7 +37,7 @@ def count(e: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
 
 
 def floats(e: sympy.Expr) -> sympy.Expr:
-    """An expression whose exact numbers are within the range of machine integers: the others become floats."""
+    """An expression in which exact numbers beyond the range of machine integers are replaced by floats."""
     large = {x: sympy.Float(x, 17) for x in e.atoms(sympy.Rational) if max(abs(x.p), x.q) > LARGEST}
     return e.xreplace(large) if large else e
 

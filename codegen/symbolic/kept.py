@@ -111,7 +111,8 @@ class Names:
         }  # fmt: skip
 
     def of_kind(self, kind: Kind, sweep: str, store: Store, component: str) -> sympy.Expr:
-        """The symbol of a component in a kind's block; if the kind has one member, arguments have their names in the model."""
+        """The symbol of a component in the block of a kind. If the kind has one member, arguments have their names in
+        the model."""
         if len(kind.members) == 1 and store is CONSTANTS and isinstance(kind, LinkKind):
             return constant(store.label, component, self.system.constants_of[kind.members[0]])
         if len(kind.members) > 1 or store.memory not in (*COORDINATES, *SPEEDS, PER_PARAMETER_LANE, TRIG.memory):
@@ -146,7 +147,8 @@ class Names:
         return found
 
     def of_formula(self, formula: Formula, store: Store, component: str) -> sympy.Expr:
-        """The symbol of a component in a formula; entries have their names in the model if no other formula has the same form."""
+        """The symbol of a component in a formula. Entries have their names in the model if no other formula has the
+        same form."""
         if len(formula.rows) != 1 or not component.isdigit():
             return kept(store, component)
         target, _, places, numbers = formula.rows[0]

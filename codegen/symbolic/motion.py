@@ -451,7 +451,8 @@ def _assembled(model: Model, engine: SymbolicEngine, form: str, given: Collectio
 
 
 def _with_definitions(found: Equations, engine: SymbolicEngine) -> Equations:
-    """The equations with definitions of the intermediate variables that they contain, numbered from 1."""
+    """The equations with the definitions of intermediate variables that they contain; these variables are numbered from
+    1."""
     algebra, matrices = engine.symbolic.algebra, found.matrices
     every = [(algebra.atoms[number].expression, of) for number, of in algebra.definitions.items()]
     values = needed([*matrices.values(), *found.outputs.values()], every)

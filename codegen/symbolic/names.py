@@ -19,11 +19,12 @@ GREEK_LETTERS = dict(
 """Words that are typeset as Greek letters."""
 
 ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p": ""}
-"""First parts of dotted names, with the letters for typesetting; parameters have their own names."""
+"""First parts of dotted names, each with its letter for typesetting; parameters have no such part."""
 
 
 def parts_of(name: str) -> tuple[str, str, bool, bool]:
-    """The base of a name, its subscript, and whether it is a time derivative, or (first) a derivative along a direction.
+    """The base and the subscript of a name, and whether it is a time derivative, or (first) a derivative along a
+    direction.
 
     ``q.crank`` is q with crank, ``length_1`` is length with 1, ``dudot.crank`` is a derivative of the time derivative of u.
     """
@@ -67,7 +68,7 @@ def unused_prefix(letter: str, names: Iterable[str]) -> str:
 
 
 def identifiers(symbols: Iterable[sympy.Symbol], taken: Iterable[str] = ()) -> dict[sympy.Symbol, str]:
-    """Names for symbols that are identifiers of Python, all different and none of those already taken."""
+    """Identifiers of Python for symbols: all different, and none already taken."""
     used, found = set(taken), {}
     for symbol in symbols:
         name = re.sub(r"\W", "_", symbol.name)

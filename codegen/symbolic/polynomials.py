@@ -18,12 +18,13 @@ import sympy
 from .errors import TooManyProductsError
 
 Monomial = tuple[tuple[int, int], ...]
-"""Numbers of atoms with their exponents, in the order of the atoms."""
+"""Exponents of the atoms in a product, by the numbers of the atoms, in the order of the atoms."""
 
 Rational = int | Fraction
 
 Terms = dict[Monomial, Rational]
-"""Monomials with their factors. Whole numbers are ints, which are faster than fractions."""
+"""The monomials of a polynomial, each with its rational factor. Whole numbers are ints, which are faster than
+fractions."""
 
 DENOMINATOR, OF_PI = 100_000, 1000
 """Largest denominators of fractions, and of multiples of pi, that replace floats that are not short decimals."""
@@ -191,7 +192,8 @@ class Algebra:
         return np.array([value(p) for p in polynomials.flat]).reshape(polynomials.shape)
 
     def reached(self, polynomials: Iterable[Polynomial]) -> list[int]:
-        """The atoms of polynomials and of their intermediate variables, each after the atoms in its value."""
+        """The atoms of some polynomials and of their intermediate variables; each atom follows those in its own
+        value."""
         found: set[int] = set()
         left = {a for p in polynomials for m in p.terms for a, _ in m}
         while left:

@@ -288,7 +288,7 @@ class _Reader:
         return Recursion(name, tuple(sweep for sweep in found if sweep.units))
 
     def blocks_of(self, formula: Formula) -> list[Block]:
-        """A formula, its tangent and, where functions run it backwards, the transpose."""
+        """A formula, its tangent, and the transpose of the tangent where functions run it backwards."""
         return [formula.value, formula.tangent, *([formula.transposed] if formula.target in self.backwards else [])]
 
     def unit(

@@ -1,4 +1,4 @@
-"""Statements as text and in LaTeX, and their symbols in typeset form."""
+"""Statements of a solver as text and in LaTeX, and the typeset form of the symbols in them."""
 
 from __future__ import annotations
 

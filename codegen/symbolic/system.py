@@ -110,7 +110,7 @@ class SymbolicEngine(RecursiveEngine):
         return self._with_accelerations(self._of_speeds("udot", self.udot, None, state.pairs), state.pairs)
 
     def _closed_speeds(self, state: State) -> Pair:
-        """The dependent speeds for the independent ones of the state."""
+        """The dependent speeds that follow from the independent speeds of the state."""
         others = [i for i in range(self.model.nu) if i not in set(self.dependent.tolist())]
         value = self.motion_of_tree[self.dependent][:, others] @ state.u.value[others]
         return Pair(value, self.arithmetic.zeros(0, *value.shape))
@@ -134,7 +134,7 @@ class SymbolicEngine(RecursiveEngine):
             raise SymbolicError(
                 f"{element.type} {element.name}: its law has different formulas in different states ({error})"
             ) from None
-        except ValueError as error:  # for an element without direction; its message names it
+        except ValueError as error:  # the element has no direction; the message names it
             raise SymbolicError(str(error)) from None
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
@@ -153,7 +153,7 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def mass(self) -> Array:
-        """M over all speeds of the tree, including prescribed ones, (nu, nu)."""
+        """The mass matrix M over all speeds of the tree, including prescribed ones, (nu, nu)."""
         return self._mass_matrix(self.state).value
 
     @cached_property
@@ -241,7 +241,8 @@ class SymbolicEngine(RecursiveEngine):
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
-        """The map from independent speeds to all speeds, (nu, nu), and the accelerations at zero independent ones, (nu, 1)."""
+        """The map from independent speeds to all speeds, (nu, nu), and the accelerations when the independent
+        accelerations are zero, (nu, 1)."""
         known, nu = self.constraints, self.model.nu
         motion, besides = self.arithmetic.eye(nu), self.arithmetic.zeros(nu, 1)
         for i in self.dependent:
@@ -260,12 +261,12 @@ class SymbolicEngine(RecursiveEngine):
 
     @property
     def motion_of_tree(self) -> Array:
-        """All speeds of the tree from the independent ones: columns of dependent speeds are zero, (nu, nu)."""
+        """The map from independent speeds to all speeds of the tree, (nu, nu); columns of dependent speeds are zero."""
         return self._solved[0]
 
     @property
     def remainder_of_tree(self) -> Array:
-        """Accelerations of the dependent speeds at zero accelerations of the independent ones, (nu, 1)."""
+        """Accelerations of the dependent speeds when the accelerations of the independent speeds are zero, (nu, 1)."""
         return self._solved[1]
 
     def _inverse_of(self, A: Array) -> Array:
@@ -301,8 +302,8 @@ LARGEST_INVERSE = 3
 def orthogonal_solution(A: Array, B: Array) -> Array:
     """X of A X = B, (n, c), for a regular A (n, n).
 
-    The columns of A are made orthogonal one after another, as in the paper's elimination of loops, and B with them. No pivot is
-    zero in any state where A is regular, so none has to be chosen.
+    The columns of A are made orthogonal one after another, as in the paper's elimination of loops, and B is transformed
+    with them. Where A is regular, no pivot is zero, so no pivot has to be chosen.
     """
     A, B, n = A.copy(), B.copy(), len(A)
     R, X = np.zeros((n, n), dtype=object), np.zeros(B.shape, dtype=object)

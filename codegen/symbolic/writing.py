@@ -200,6 +200,6 @@ def as_sympy(found: Equations) -> str:
 
 MODULE = ("q", "u", "udot", "independent", "multipliers", "parameters", "inputs", "t", "defaults", "outputs",
           "intermediates")  # fmt: skip
-"""Names in a module of `as_sympy`, besides those of matrices."""
+"""Names that a module of `as_sympy` defines besides the matrices."""
 
 __all__ = ["as_latex", "as_sympy", "as_text", "entries"]

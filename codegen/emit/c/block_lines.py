@@ -20,7 +20,7 @@ class BlockLines:
     """Writes the lines of one block.
 
     Results that are stored once for all directions are computed before the loop over vectors. Other shared numbers stay in the
-    order of the block: compilers move them out of the loop and choose better which to keep in registers.
+    order of the block: compilers move them out of the loop, and choose better which numbers stay in registers.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class BlockLines:
     ):
         self.block, self.place, self.culprit = block, place, culprit
         self.real, self.zero = of.scalar.word, of.scalar.literal("0.0")
-        # `place` names rows: first the rows of stores, then those of loads
+        # `place` gives names to rows: first to the rows of stores, then to the rows of loads
         to = [place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN]
         names = of.called_by(block, place)
         self.stored = {*to}
@@ -150,7 +150,7 @@ def stored_once(block: Block) -> set[Symbol]:
 
 
 def read_once(block: Block) -> set[Symbol]:
-    """Symbols that occur once in the text of a block; their loads need no variable."""
+    """Symbols that occur once in the text of a block; loads of these symbols need no variable."""
     once: set[Symbol] = set()
     more: set[Symbol] = set()
     for e in (*(s.expression for s in block.statements), *(value for _, _, value in block.stores)):
@@ -188,7 +188,7 @@ def in_full(at: Located) -> str:
 
 
 def is_array(row: str) -> bool:
-    """Whether a row is an array of a call at a fixed offset; it needs no variable."""
+    """Whether a row is an array of a call at a fixed offset; such a row needs no variable."""
     start, _, offset = row.partition(" + ")
     return start.startswith("a->") and (offset or "0").isdigit()
 

@@ -1,4 +1,5 @@
-"""Memory of a call to a function of a C header, beyond that of the sweeps: pointers, and arrays of the call."""
+"""Memory of a call of a function in a C header, in addition to the memory of the sweeps: pointers, and arrays of the
+call."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from ...records import dataclass
 
 @dataclass(slots=True)
 class Memory:
-    """Memory that procedures need beyond that of the sweeps: pointers of the two structs, and arrays of the call.
+    """Memory that procedures need in addition to the memory of the sweeps: pointers of the two structs, and arrays of
+    the call.
 
     Attributes
     ----------

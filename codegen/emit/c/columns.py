@@ -1,7 +1,7 @@
 """Columns of matrices computed all at once, in C: the column groups of each link, seeds, and destinations.
 
 Four columns form a group. The bits of an integer say on which groups a link works. If all columns fit into memory, these integers
-are constants; otherwise each call computes them for the columns at hand.
+are constants; otherwise each call computes them for its columns.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def reads_starts(step: AllColumns) -> bool:
 
 
 def one_by_link(step: AllColumns) -> bool:
-    """Whether every link has one entry of each array, the one with its number; then columns need no tables."""
+    """Whether link i has exactly one entry in each array, entry i; then columns need no tables."""
     links = range(len(step.parents))
     return step.units == tuple((a, i) for i in links for a in step.seeds)
 

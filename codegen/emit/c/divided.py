@@ -29,7 +29,8 @@ def carried_over(number: int, along: bool) -> Component:
 
 
 def in_stack(place: Place, real: str) -> Place:
-    """Places of components in a part: carried-over values are in arrays, others where the whole function has them."""
+    """Places of components in a part: carried-over values are in arrays, other components where the undivided function
+    has them."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in CARRIED_OVER.items():
@@ -67,7 +68,7 @@ def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
 
 
 def linkage(shared: str) -> list[str]:
-    """Lines that set the linkage of parts: under this condition, the units of a library share them."""
+    """Lines that set the linkage of parts; under the given condition, the units of a library share these parts."""
     return ["#undef PART", f"#if {shared}", "#define PART SHARED_PART", "#else", "#define PART STATIC_PART", "#endif"]
 
 

@@ -147,7 +147,7 @@ class CFunctions:
         return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
 
     def functions(self, procedure: Procedure) -> list[Function]:
-        """The functions of the header for a procedure: without modes, and with them where needed."""
+        """The functions of the header for a procedure: without modes, and with modes where needed."""
         found = [self.function(procedure)]
         if procedure.modes is None or procedure.internal:
             return found
@@ -189,7 +189,7 @@ class Lines:
         return f"{self.base(a.lanes)}{a.name}"
 
     def apart(self, a: Array) -> bool:
-        """Whether an array is a result that no sweep writes; it is only a parameter of the function."""
+        """Whether an array is a result that no sweep writes. Such an array is only a parameter of the function."""
         p = self.procedure
         return p is not None and a in p.results and a.name in p.written_apart()
 
@@ -224,7 +224,8 @@ class Lines:
         return [*head, *self.functions.laid_out(p), *body]
 
     def begun(self, values: dict[str, str], copied: bool) -> list[str]:
-        """Lines that declare a call with the values of its members; if `copied`, it is opened over directions."""
+        """Lines that declare the struct of a call with the values of its members; if `copied`, the struct over
+        directions."""
         p = self.procedure
         assert p is not None
         members = [*self.memory.fields, *self.memory.numbers]

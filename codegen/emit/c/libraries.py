@@ -1,4 +1,4 @@
-"""Partition of the functions into libraries: the common ones are compiled first, others when they are called.
+"""Partition of the functions into libraries: common functions are compiled first, others when they are called.
 
 The C is one file; without macros it compiles all functions. The macro ``ORDERNM_LIBRARY`` selects the functions of one library,
 and ``ORDERNM_UNIT`` a part of them; such units are compiled in parallel and linked. Sweeps are static, so each library contains
@@ -25,7 +25,7 @@ FOUR = "four"
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
 """Functions of the first library over one and two directions. Many users never call them, and they would take a third of gcc's
-time. The first library calls them once a solver has opened this one."""
+time. The first library calls these functions once a solver has opened this library."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
@@ -37,7 +37,7 @@ _OF = {
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")
-"""Functions for integration that are in another library, too."""
+"""Functions for integration that are also in another library."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
 """Functions of `_MOTION` that Python calls when a motion changes its independent coordinates."""
@@ -131,8 +131,8 @@ def _by_width(conditions: Mapping[int | None, str]) -> str:
 def sharing(users: Mapping[str, Collection[int]], all_functions: Mapping[str, Collection[int]]) -> str:
     """The condition under which two units of a library share the parts of a sweep.
 
-    It follows from the functions that run the sweep, and from all functions, with their widths. Otherwise the parts are static,
-    and compilers drop them where the sweep is not run.
+    The condition follows from the functions that run the sweep, and from all functions, with their widths. Otherwise
+    the parts are static, and compilers drop them where the sweep is not run.
     """
     units = _units(all_functions)
     return f"ORDERNM_SHARED({sum(1 << n for n in _units(users) if len(units[n]) > 1):#x})"

@@ -82,7 +82,8 @@ class CMemory(CSweeps):
         return found
 
     def used_forms(self, forms: dict[str, str], fields: dict[str, dict[str, int]]) -> dict[str, list[str]]:
-        """Sweeps by equal sets of fields: the first sweep with some fields, and all sweeps with the same ones."""
+        """Sweeps by equal sets of fields: for each set, the first sweep that has these fields, and all sweeps that have
+        them."""
         users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
         return {sweep: found for sweep, found in users.items() if found}
 

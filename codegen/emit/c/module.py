@@ -164,8 +164,8 @@ class CWriter(CPrepared):
         return [*lines, *inclusions(name, [w for w in used if w not in apart], guards)]
 
     def flat_tables(self) -> list[tuple[str, list[str]]]:
-        """Declarations and lines of tables without rows: numbers, and the list of angles unless these are the first
-        coordinates."""
+        """Declarations and lines of tables without rows: numbers; and the list of angles, unless the angles are the
+        first coordinates."""
         numbers, angles = [self.text(v) for v in self.layout.numbers], self.layout.angles
         found = (
             [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]

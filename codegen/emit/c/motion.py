@@ -52,7 +52,7 @@ def has_motion(functions: Mapping[str, Any]) -> bool:
 
 
 def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
-    """Functions for integration: names of arguments, seeds and results, and whether they take modes."""
+    """Functions for integration by name: arguments, seeds and results of each, and whether it takes modes."""
     return {
         p.name: {
             "arguments": [a.name for a in p.arguments], "seeds": [a.name for a in p.seeds],
@@ -174,7 +174,8 @@ def write_precise(
     }  # fmt: skip
 
     def function(f: str, lanes: int, width: int) -> dict[str, Any]:
-        """Data for the call of a function: `lanes` directions are given, `width` computed; both 0 without directions."""
+        """Data for the call of a function: `lanes` directions are given, and `width` directions are computed; both are
+        0 without directions."""
         seeds, results = (functions[f].get(key, ()) for key in ("seeds", "results"))
         along = [r for r in results if r.removeprefix("d") in sizes and r not in sizes]
         return {

@@ -12,7 +12,8 @@ from .memory import CMemory
 from .types import TWICE, TYPES, near_name
 
 FEW_ANGLES = 16
-"""Up to this many angles are passed as variables; in longer lists, angles are in memory well before they are read."""
+"""Up to this number of angles, each angle is a variable; with more angles, values are in memory well before they are
+read."""
 
 
 class CPrepared(CMemory):
@@ -35,7 +36,7 @@ class CPrepared(CMemory):
         }
 
     def ground(self, sweep: str | None = None) -> list[str]:
-        """Lines that set the state of the ground, at rest and accelerating by -g, for a sweep or for all of them."""
+        """Lines that set the state of the ground for one sweep or for all sweeps: at rest, accelerating by -g."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
         kept = self.plan.ground.kept if sweep in self.keeping else ()

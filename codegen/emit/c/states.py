@@ -24,7 +24,8 @@ OVER_STATES = ("accelerations", "sensitivities")
 """Functions that exist for several states at once."""
 
 DIRECTIONS = 8
-"""Number of directions that a sweep processes at a time, one after the other in each statement."""
+"""Number of directions that a sweep processes in each pass, where each statement takes one direction after the
+other."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 """Functions of the C library that have two arguments."""

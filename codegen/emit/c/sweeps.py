@@ -68,7 +68,7 @@ class CSweeps(CLanguage):
 
     @cached_property
     def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
-        """Functions that run a sweep, formula or routine, by its name and width, with their own widths."""
+        """For each sweep, formula or routine, by name and width: the functions that run it, with their own widths."""
         found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
         for p in self.asked:
             for name in called_once(p):

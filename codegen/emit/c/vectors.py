@@ -53,7 +53,7 @@ def states(scalar: Scalar) -> list[str]:
 
 
 def parts(scalar: Scalar) -> list[str]:
-    """Lines that load vectors of states from 16-byte parts of rows, and exchange their entries."""
+    """Lines that load the 16-byte parts of rows into vectors of states, and exchange the entries of these vectors."""
     if not scalar.integer:
         return []
     part = 16 // scalar.bytes
@@ -94,7 +94,7 @@ def _take(n: int, lanes: int) -> list[str]:
         if lanes % n == 0:  # here n is 2
             body += [f"to[{c}*apart] = {_chosen('x0', 'x1', order)};"]
             continue
-        # Each of these entries is in another lane: blend the vectors first, then order the lanes.
+        # each of these entries is in another lane: first blend the vectors, then put the lanes in order
         source = [next(s for s in range(n) if (s * lanes + i) % n == c) for i in range(lanes)]
         body += _blended(f"y{c}", source, n)
         body += [f"to[{c}*apart] = {_chosen(f'y{c}', f'y{c}', [entry % lanes for entry in order])};"]

@@ -199,7 +199,8 @@ class NumpyWriter(Writer):
         return []
 
     def angles(self) -> list[str]:
-        """Lines that compute cosines and sines of the angles among the coordinates; these come before the batch axes."""
+        """Lines that compute cosines and sines of the angles among the coordinates; the axis of angles comes before the
+        batch axes."""
         angles, driven = self.layout.angles, self.layout.driven_angles
         if not angles and not driven:
             return []
