@@ -1,7 +1,7 @@
-"""Locations of the files that a robot's file names, and which of them may be read.
+"""Locations of the files that a robot's file names, and the rules for reading these files.
 
 Names are ``package://``, ``model://`` or ``file://`` addresses, or paths beside the file. A file is read only from the folder of
-the robot's file, from folders inside it, or from those of ``--package-path``.
+the robot's file, from folders inside it, or from the folders of ``--package-path``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Gepetto's ``robot.yaml`` beside a URDF: frames that are held together, and joints of other types.
 
-``closed_loop`` lists pairs of frames. ``type`` is 3D (their origins coincide) or 6D (the frames coincide) for each pair.
-``joint_name`` and ``joint_type`` turn revolute joints into spherical, universal and fixed ones, since URDF lacks some of these.
+``closed_loop`` lists pairs of frames. ``type`` is 3D (their origins coincide) or 6D (the frames coincide) for each
+pair. ``joint_name`` and ``joint_type`` turn revolute joints into spherical, universal and fixed ones, since URDF lacks
+some of these types.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ class _Reader:
         return []
 
     def as_many(self, key: str, values: list[Any], other: str, others: list[Any]) -> bool:
-        """Whether two lists have equal lengths; reports an error if they have not."""
+        """Whether two lists have equal lengths; reports an error if the lengths differ."""
         if len(values) == len(others):
             return True
         if key in self.document.root:
@@ -149,7 +150,7 @@ class _Reader:
         self.robot.closings.append(Closing(name, place, LOOPS[kind.upper()], *ends))
 
     def link(self, name: str, k: int, i: int) -> str | None:
-        """The link of a frame; the frame's name is that of the link, or of the joint that carries the link."""
+        """The link of a frame. The frame has the name of the link, or of the joint that carries the link."""
         if name in self.robot.links:
             return name
         joint = self.robot.joints.get(name)

@@ -55,7 +55,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """An imported robot: the model, its text, and what differs from the file.
+    """An imported robot: the model, its text, and the differences from the file.
 
     Attributes
     ----------
@@ -447,7 +447,7 @@ def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
 
 
 def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
-    """The comment at the top of the model file: origin, and what was left out."""
+    """The comment at the top of the model file: the origin, and the parts that were left out."""
     lines = [f"{one_line(source)}, imported by ordernm.", *map(one_line, robot.notes)]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))

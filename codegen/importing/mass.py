@@ -86,7 +86,7 @@ def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
 
 
 def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
-    """Find impossible inertias, and repair them on request; otherwise they are kept, with a warning."""
+    """Find impossible inertias, and repair them on request; inertias that are not repaired are kept, with a warning."""
     whole, size = 0.0, 0.0
     for body in bodies.all.values():
         whole += body.inertia.mass

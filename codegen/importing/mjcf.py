@@ -1,7 +1,7 @@
 """MJCF, compiled by MuJoCo itself: bodies, joints and equality constraints of an `mujoco.MjModel`.
 
-A MuJoCo body may have several joints, each at its own place; it becomes a chain of bodies, and the last one has the mass.
-Coordinates are MuJoCo's minus those of the model's reference configuration (``ref``).
+A MuJoCo body may have several joints, each at its own place; it becomes a chain of bodies, of which the last has the
+mass. Coordinates are MuJoCo's, minus the values in the model's reference configuration (``ref``).
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ class _Reader:
         return self.robot
 
     def unique(self, kind: str, count: int) -> list[str]:
-        """Unique names of all objects of a kind, also of unnamed ones."""
+        """Unique names of all objects of a kind, including objects without a name."""
         access = getattr(self.model, kind)
         given = [access(i).name for i in range(count)]
         used = set(given)
@@ -321,7 +321,7 @@ class _Reader:
         return found
 
     def color(self, g: int) -> str:
-        """Colour of a geom: its own, or that of its material if it has MuJoCo's default colour."""
+        """Colour of a geom: its own colour, or that of its material if the geom has MuJoCo's default colour."""
         rgba, material = self.model.geom_rgba[g], int(self.model.geom_matid[g])
         if material >= 0 and np.allclose(rgba, _GREY):
             rgba = self.model.mat_rgba[material]
@@ -442,7 +442,7 @@ class _Reader:
         self.robot.speeds[joint.name] = tuple(speeds)
 
     def leave_out(self) -> None:
-        """List parts of the compiled model that the model format lacks, with their lines in the files."""
+        """List parts of the compiled model that the model format lacks, each with its lines in the files."""
         model, robot = self.model, self.robot
         seen: set[str] = set()
         for count, (tag, group, remark, effect) in _LISTED.items():

@@ -84,7 +84,8 @@ class MjcfFiles:
                 yield from _within(part)
 
     def used(self) -> Iterator[Element]:
-        """All elements of all files except those in defaults; an included file is read at the place of its <include>."""
+        """All elements of all files, without elements in defaults; an included file is read at the place of its
+        <include>."""
         attached = {id(model): model for model in self.models.values()}
         stack = [*reversed(attached.values()), self.root]
         while stack:

@@ -149,7 +149,8 @@ class Chain:
         return Chain(self.motion[1:], self.steps[1:])
 
     def unit_screws(self, steps: Iterable[int]) -> tuple[Array, Array]:
-        """Unit screws w and v ``(m, f, 3)`` of some of the steps, without later motions, components of the frames behind them."""
+        """Unit screws w and v ``(m, f, 3)`` of some steps, without later motions; components along the axes of the
+        frame behind each step."""
         m, f = len(self.steps[0].place), max(step.speeds.stop for step in self.steps)
         w, v = np.zeros((m, f, 3)), np.zeros((m, f, 3))
         for step in (self.steps[i] for i in steps):
@@ -201,7 +202,7 @@ def speeds_of(motion: Motion) -> slice:
 
 
 def changed(motion: Sequence[Motion]) -> list[int]:
-    """Motions whose screws later motions rotate, or shift off their axes."""
+    """Indices of motions whose screws change, because later motions rotate them or shift them off their axes."""
 
     def alters(other: Motion, m: Motion) -> bool:
         if isinstance(m, Displacement):

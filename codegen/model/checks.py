@@ -104,8 +104,8 @@ def check_inertia(
 ) -> Iterator[Finding]:
     """Impossible or doubtful masses and inertias of single bodies at the default parameters.
 
-    A negative principal moment is not an error if it is a rounding error relative to the whole system. Neither is it one if the
-    body is fixed to others and their combined inertia is possible.
+    A negative principal moment is not an error if it is a rounding error relative to the whole system. It is no error
+    either if the body is fixed to other bodies and the combined inertia is possible.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def check_freedoms(
     held: Collection[int] = (),
     driven: Driven = MappingProxyType({}),
 ) -> Iterator[Finding]:
-    """Joints that move no mass at the default parameters, so that their accelerations would be divided by zero.
+    """Joints that move no mass at the default parameters: their accelerations would be divided by zero.
 
     Parameters
     ----------

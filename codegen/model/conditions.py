@@ -66,4 +66,4 @@ class Curve(ConditionType):
 
 
 CONDITIONS: Final[dict[str, type[ConditionType]]] = {kind.name: kind for kind in (Distance, Surface, Curve)}
-"""Types by name, in the order in which messages list them."""
+"""Types of conditions by name, in the order in which messages list the types."""

@@ -92,7 +92,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
     if not isinstance(value, str):
         raise complaint(f"{shown(value)}; a name is needed")
     if not prefix and value in RESERVED:
-        return ("name", value)  # the parser takes "pi" as a number; whether the name exists is decided where it is used
+        return ("name", value)  # the parser takes "pi" as a number; the use of the name shows whether it exists
     try:
         tree = parse(prefix + value).tree
     except ExpressionError:
@@ -148,7 +148,7 @@ def written(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 def one_of(*words: str, what: str = "") -> PlainValidator:
-    """A validator for one of some words; `what` is their meaning, for messages."""
+    """A validator for one of some words; `what` is the meaning of the words, for messages."""
 
     def check(value: Any) -> str:
         if value not in words:

@@ -57,13 +57,13 @@ class EntryReader(Protocol):
         """Index of the named body, `GROUND` for the ground; None after an error."""
 
     def mass(self, bodies: Sequence[int] | None = None) -> float | None:
-        """Total mass of some or all bodies at the default parameters, kg; None if they have errors."""
+        """Total mass of some or all bodies at the default parameters, kg; None if a body has an error."""
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The named joint; None if it or the entry has errors."""
 
     def placed(self, joint: NamedJoint) -> tuple[Face, Face, tuple[Motion, ...], tuple[Vector, ...]]:
-        """The frames of a joint in its body and in the parent, its motion, and its axes."""
+        """The frames of a joint in its body and in the parent, the joint's motion, and its axes."""
 
     def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
         """The named prescribed coordinate, and the unit of a force along it; None after an error."""

@@ -27,7 +27,8 @@ _adapters: Final[dict[int, TypeAdapter[Any]]] = {}
 
 
 def repaired(cls: Any, value: Any, error: ValidationError) -> Any:
-    """An entry of `cls` without its errors: wrong parts are left out or replaced, so that the rest can be checked; or None."""
+    """An entry of `cls` in which wrong parts are left out or replaced, so that the other parts can be checked; None if
+    that is impossible."""
     if not isinstance(value, dict):
         return None
     choices = _models(cls)

@@ -14,7 +14,7 @@ Four more nodes exist between `parse` and `bind` only, because they are resolved
 ``("quantity", value, dimension, text)`` for a number with a unit; and ``("component", a, k, wanted)`` for a component of an
 expression given in place of a vector.
 
-Expressions are interned: equal trees are one object, so structure repeated in a model is recognised by identity.
+Expressions are interned: equal trees are one object, so repeated structure in a model is recognised by identity.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ from .trees import nodes, parts
 
 
 def _operators(kind: str) -> tuple[Callable[..., Expression], Callable[..., Expression]]:
-    """The methods of an operator with the expression on its left and on its right; the other operand may be a number."""
+    """The two methods of an operator, with the expression on the left and on the right; the other operand may be a
+    number."""
 
     def left(one: Expression, other: Expression | Number) -> Expression:
         return made(kind, one, other)
@@ -302,7 +303,7 @@ def compute(kind: str, a: Number, b: Number) -> Number:
     if kind in ARITHMETIC:
         result: Number = ARITHMETIC[kind](a, b)
         return result
-    # the float power first: it overflows at once, while the exact power of two ints could take hours
+    # the float power comes first: it overflows at once, while the exact power of two ints could take hours
     power = math.pow(a, b)
     if isinstance(a, int) and isinstance(b, int) and b >= 0 and abs(power) < EXACT:
         return int(a**b)
@@ -397,7 +398,8 @@ def made(kind: str, *operands: Expression | Number) -> Expression:
 
 
 def combine_exactly(kind: str, *arguments: Tree) -> Tree:
-    """`combine`, but operations that a double would round remain unevaluated, so that any number of digits can be computed."""
+    """Like `combine`, but operations that a double would round are not evaluated, so that any number of digits can be
+    computed."""
     found = combine(kind, *arguments)
     if found[0] != "number" or any(a[0] != "number" for a in arguments):
         return found

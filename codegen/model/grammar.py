@@ -11,7 +11,7 @@ from .errors import nearest
 Number = int | float
 
 FUNCTIONS: Final[dict[str, int]] = {name: e.arity for name, e in TABLE.items()}
-"""Functions of the grammar with their numbers of arguments (``min`` and ``max``: at least that number)."""
+"""Functions of the grammar, each with its number of arguments; for ``min`` and ``max`` this is the smallest number."""
 
 AT_LEAST: Final = "at_least"
 """In trees only: 1 if the first argument is at least the second, otherwise 0. Comparisons use it."""
@@ -34,7 +34,7 @@ JUMPS: Final = (AT_LEAST, "sign", "mod")
 
 WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", "distance": "distance(POINT, POINT)",
                       "rate": "rate(POINT, POINT)"}  # fmt: skip
-"""Functions that become expressions of others, with their arguments."""
+"""Functions that are replaced by expressions of other functions, with their arguments."""
 
 _OTHER_LANGUAGES: Final = {other: name for name, e in TABLE.items() for other in e.elsewhere}
 

@@ -16,7 +16,8 @@ from .motions import Ball, Displacement, Motion, Slide, Turn, names, units
 
 
 class Closure(NamedTuple):
-    """The conditions of a loop joint. Their directions are fixed in the start face, except those of axes that are compared.
+    """The conditions of a loop joint. The directions are fixed in the start face, except the directions of axes that
+    are compared.
 
     Attributes
     ----------
@@ -118,7 +119,7 @@ class JointType(Entry):
 
     @classmethod
     def axes_of_motion(cls, given: tuple[Vector, ...], defaults: dict[str, float]) -> tuple[Vector, ...]:
-        """The axes of the motion from those of the file, at the default parameters where necessary."""
+        """The axes of the motion, from the axes in the file; at the default parameters where necessary."""
         return given
 
     @classmethod
@@ -228,7 +229,7 @@ class Cylindrical(JointType):
 class Planar(JointType):
     """Translation along two axes across a normal (x and y if that is z), and rotation about the normal.
 
-    As a loop joint: the normals are parallel, and the origin of `end` lies in the plane through that of `start`.
+    As a loop joint: the normals are parallel, and the origin of `end` lies in the plane through the origin of `start`.
     """
 
     name = "planar"
@@ -252,7 +253,7 @@ class Planar(JointType):
 
 
 class Inline(JointType):
-    """Loop joint only: the origin of `end` lies on the axis through that of `start`."""
+    """Loop joint only: the origin of `end` lies on the axis through the origin of `start`."""
 
     name = "inline"
     motion = (Slide(axis=0, index=0), Ball(coordinate=1, speed=1))
@@ -268,4 +269,4 @@ _TYPES: Final[tuple[type[JointType], ...]] = (
 )
 
 JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
-"""Types by name, in the order in which messages list them."""
+"""Types of joints by name, in the order in which messages list the types."""

@@ -1,7 +1,8 @@
 """Jumps of prescribed motion or of its velocity, at which other bodies would receive an impulse.
 
-A node with branches has a switching function, such as ``t - 0.5`` in ``max(0, t - 0.5)``. At its zeros the motion is compared
-from both sides, with the branches of each side. A jump of the acceleration alone is not reported.
+A node with branches has a switching function, such as ``t - 0.5`` in ``max(0, t - 0.5)``. At the zeros of this
+function, the values of the motion from both sides are compared, each with the branches of its side. A jump of the
+acceleration alone is not reported.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ MOST_TIMES: Final = 8
 """Number of zeros examined of a switching function that is not linear."""
 
 TIMES: Final = np.array(sorted({*np.logspace(-6, 6, 1201).tolist(), *np.linspace(0.0, 100.0, 2001).tolist()}))
-"""Times in s at which switching functions are searched for changes of sign; linear ones are solved."""
+"""Times in s at which switching functions are evaluated to find changes of sign; zeros of linear functions are computed
+directly."""
 
 
 @dataclass(frozen=True)

@@ -158,8 +158,8 @@ class Term:
 class Coupling(Loop):
     """A relation between coordinates of joints: ``q_0 = r_1 q_1 + r_2 q_2 + ... + c``. It counts as a loop without faces.
 
-    It is one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate. The first factor is 1; the others
-    are minus the ratios. Its faces are on the ground, and are never used.
+    It is one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate. The first factor is 1;
+    the other factors are minus the ratios. Its faces are on the ground, and are never used.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class Coupling(Loop):
 
     @property
     def closure(self) -> Closure:
-        """One condition, which does not compare faces; it has the place of an angular one."""
+        """One condition that does not compare faces; it takes the place of an angular condition."""
         return Closure(0, 1)
 
     @property
@@ -226,11 +226,12 @@ CLOSURE_ROWS = {
 def closure_row_names(loop: Loop) -> tuple[str, ...]:
     """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones.
 
-    Their directions are those of the start face, in this order. Let a be the joint's (first) axis. If a is along one of the
-    face's axes x, y, z, the directions are these axes; two of them are reversed if a is along the opposite. Otherwise they are
-    t1, t2 and a: t1 along e x a, t2 = a x t1, and e the base vector most nearly perpendicular to a. If a joint has no condition
-    along its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
-    The conditions on a point are its equations, each along its gradient.
+    The directions of both are fixed in the start face, in the following order. Let a be the joint's (first) axis. If a
+    is along one of the face's axes x, y, z, the directions are these axes; two of them are reversed if a is along the
+    opposite. Otherwise the directions are t1, t2 and a: t1 along e x a, t2 = a x t1, and e the base vector most nearly
+    perpendicular to a. If a joint has no condition along its axis, the other two directions follow in cyclic order: y,
+    z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``. The conditions on a point are its equations,
+    each along its gradient.
     """
     if loop.is_coupling:
         return (f"{loop.name}.q",)

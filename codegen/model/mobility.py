@@ -146,7 +146,7 @@ def _freedoms(joint: Joint, rng: Random, value: Value) -> tuple[np.ndarray, np.n
     axes = unit(axes / np.abs(axes).max(axis=1, keepdims=True))
     factors = np.array([[value(e) for e in joint.factors]])
     chain = Chain(kind.motion, [step(m, np.array([0]), axes[None], factors) for m in kind.motion])
-    # Python's random numbers: importing those of NumPy takes longer than the whole check
+    # Python's random numbers, because the import of NumPy's takes longer than the whole check
     q = np.array([[rng.uniform(0.3, 2.8) for _ in kind.coordinates]])
     R, d = chain.transforms(q)
     w, v = (screw[0].T.copy() for screw in chain.unit_screws(set(range(len(kind.motion))) - set(chain.altered)))

@@ -1,8 +1,8 @@
 """The model described by a file or by the builder, checked and ready for the engines and the generator.
 
-Every quantity that a model may give as an expression is an `Expression`. Nothing is evaluated here, so one model serves floats,
-mpmath numbers and symbols alike. Repeated structure is shared: bodies made by the same lines of a ``repeat`` hold the same
-`Expression` objects, and the generator recognises them by identity.
+Every quantity that a model may give as an expression is an `Expression`. Nothing is evaluated here, so one model serves
+for floats, mpmath numbers and symbols. Repeated structure is shared: bodies made by the same lines of a ``repeat`` hold
+the same `Expression` objects, and the generator recognises them by identity.
 """
 
 from __future__ import annotations
@@ -312,7 +312,7 @@ class Model:
 
     @property
     def elements(self) -> tuple[ForceElement, ...]:
-        """All force elements: those on joints, then those on bodies."""
+        """All force elements: first forces on joints, then forces on bodies."""
         return (*self.forces, *self.loads)
 
     @cached_property

@@ -44,7 +44,8 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ball:
-    """Any rotation, by a unit quaternion w, x, y, z. It converts components of the frame behind into those of the frame before.
+    """Any rotation, by a unit quaternion w, x, y, z. The quaternion converts components of the frame behind the motion
+    into components of the frame before it.
 
     Its three speeds are the angular velocity in components of the frame behind.
 

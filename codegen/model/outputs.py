@@ -60,7 +60,7 @@ class Output:
 
     @property
     def on(self) -> tuple[int, ...]:
-        """The bodies that it depends on: those of its points, then its own; each once."""
+        """The bodies on which the output depends, each once: the bodies of its points, then its own bodies."""
         return tuple(dict.fromkeys((*(p.body for p in self.points), *self.bodies)))
 
 
@@ -206,7 +206,7 @@ class RelativeVelocity(RelativePosition):
 
 
 class Distance(OfPoints):
-    """Distance of two points on different bodies, m. It has no derivative where they coincide."""
+    """Distance of two points on different bodies, m. The distance has no derivative where the points coincide."""
 
     name = "distance"
     unit = "m"
@@ -446,4 +446,4 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         PotentialEnergy,
     )
 }
-"""Types by name, in the order in which messages list them."""
+"""Types of outputs by name, in the order in which messages list the types."""

@@ -147,7 +147,7 @@ class _Parser:
             kind = self.token
             strength = _BINARY[kind]
             self.advance()
-            # ** groups to the right, the others to the left
+            # the operator ** groups to the right, the other operators to the left
             right, right_depth = self.expression(strength if kind == "**" else strength + 1, nesting + 1)
             left, depth = self.node((kind, left, right), max(depth, right_depth) + 1)
         return left, depth
@@ -201,7 +201,7 @@ class _Parser:
             self.fail(f"an operator + - * / ** is missing between the number and {self.token!r}; {error}")
         value = float(token)
         if 0 < value < math.inf:
-            try:  # digits beyond those of a float have no effect but take time
+            try:  # digits beyond those of a float have no effect, but take time
                 value = float((Fraction(token) if len(token) <= 60 else Fraction(value)) * size)
             except OverflowError:
                 value = math.inf
@@ -319,7 +319,8 @@ class _Parser:
         return ((rest, tree) if sign in ("<", ">") else (tree, rest)), depth
 
     def enclosed(self, nesting: int) -> tuple[tuple[Tree, Tree], int] | None:
-        """A condition in parentheses; None if they belong to a number, which is then parsed from its beginning."""
+        """A condition in parentheses. None if the parentheses belong to a number, which is then parsed from its
+        beginning."""
         here = self.end, self.start, self.kind, self.token
         self.advance()
         try:
@@ -334,7 +335,8 @@ class _Parser:
         return None
 
     def _step(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``step(x, a, b)``: 0 below a, 1 above b, between them ``s^3 (10 - 15 s + 6 s^2)``, with two continuous derivatives."""
+        """``step(x, a, b)``: 0 below a and 1 above b. Between a and b it is ``s^3 (10 - 15 s + 6 s^2)``, with two
+        continuous derivatives."""
         (x, low, high), depth = self.arguments("step", 3, start, nesting)
         s = ("call", "min", ("call", "max", ("/", ("-", x, low), ("-", high, low)), ZERO), ONE)
         inner = ("+", ("-", ("number", 10), ("*", ("number", 15), s)), ("*", ("number", 6), ("**", s, ("number", 2))))

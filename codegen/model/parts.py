@@ -1,8 +1,9 @@
 """The files of a model: its own, those that it includes, and one for each submodel.
 
-An included file is read as if it were written in the file that includes it. A submodel is a further use of a file: its names
-have a prefix, its ground is a frame on a body of the model that uses it, and that model may give its numbers. The names in
-entries of such files are resolved here; everything else reads entries without knowing about files.
+An included file is read as if it were written in the file that includes it. A submodel is a further use of a file: its
+names have a prefix, and its ground is a frame on a body of the model that uses it. That model may give values for its
+constants, parameters and inputs. The names in entries of such files are resolved here; everything else reads entries
+without knowing about files.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from .trees import mapped, parts
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
-"""Largest number of uses of files in a model; they are read within seconds."""
+"""Largest number of uses of files in a model; so many files are read within seconds."""
 
 
 @dataclass(slots=True)
@@ -137,7 +138,7 @@ class Part:
         self._renamed.clear()
 
     def chain(self) -> list[Document]:
-        """The documents from that of this part to the model's own."""
+        """The documents from the document of this part outward to the model's own."""
         found, part = [], self  # type: list[Document], Part | None
         while part is not None:
             found.append(part.document)
@@ -174,7 +175,7 @@ class Part:
         return name.removeprefix(self.prefix)
 
     def own(self, names: Iterable[str]) -> list[str]:
-        """The names of the model that the file can use, as it writes them."""
+        """The names of the model that the file can use, in the form in which the file writes them."""
         if not self.prefix:
             return [*names, *self.values]
         cut = len(self.prefix)

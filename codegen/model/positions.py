@@ -1,4 +1,4 @@
-"""YAML text as plain mappings, lists and strings with their places in the file.
+"""YAML text as plain mappings, lists and strings, each with its place in the file.
 
 The text is read event by event and not by `yaml.compose`. libyaml composes recursively in C, so a deeply nested file would end
 the process, and the events take a third of the time. Scalars stay text, because the grammar of the model and not YAML's decides
@@ -20,11 +20,11 @@ from .file_bytes import read_bytes
 
 MAX_BYTES: Final = 8 * 2**20
 MAX_VALUES: Final = 1_000_000
-"""Largest number of values in a file; they are read within seconds."""
+"""Largest number of values in a file; so many values are read within seconds."""
 MAX_DEPTH: Final = 60
 MAX_NOTES: Final = 200
 ALIAS_ALLOWANCE: Final = 100_000
-"""Number of values that aliases may add to those written in the file."""
+"""Number of values by which aliases may increase the number of values in the file."""
 
 # a place is (line * _COLUMNS + column) * 4 + flags, to save memory
 _COLUMNS: Final = 2**24

@@ -28,7 +28,7 @@ HELD = "held_"
 """Prefix of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
 
 NOT_NEGATIVE = (AT_LEAST, *named("name", lambda e: e.positive == LIKE_ITS_ARGUMENT))
-"""Functions that are never negative, besides those that are always positive."""
+"""Functions that are never negative and may be zero."""
 
 Factors = list[tuple[Tree, Tree]]
 """Trees, or keys, each with an exponent."""
@@ -39,7 +39,7 @@ _LARGEST = 2.0**1000
 
 
 def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
-    """Sum of two exponents, the second times a number; equal terms are combined, so n + (1 - n) is 1."""
+    """Sum of two exponents, the second times a number. Equal terms are combined, so n + (1 - n) is 1."""
     terms: dict[Tree, Fraction] = {}
     _add_terms(a, Fraction(times), terms)
     _add_terms(b, Fraction(times), terms)
@@ -53,7 +53,7 @@ def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
 
 
 def _add_terms(e: Tree, factor: Fraction, terms: dict[Tree, Fraction]) -> None:
-    """Add the terms of an exponent, with their coefficients, to others."""
+    """Add the terms of an exponent, with their coefficients, to given terms."""
     match e:
         case ("number", value):
             terms[ONE] = terms.get(ONE, Fraction(0)) + factor * Fraction(value)
@@ -77,7 +77,7 @@ def _number(value: Fraction) -> Tree:
 
 
 def product(*factors: tuple[Tree, Tree]) -> Tree:
-    """A product of trees with exponents, written so that it is finite wherever possible."""
+    """A product of trees with exponents, in a form that is finite wherever possible."""
     return Product().with_all(factors).tree()
 
 
@@ -270,11 +270,12 @@ class Product:
 
 
 def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
-    """A product with a factor that is zero in one of its branches; there the other factors have no effect."""
+    """A product with a factor that is zero in one of its branches; in this branch the other factors have no effect."""
     if y == ZERO:
         return combine(CHOICE, condition, rest.times(x).tree(), ZERO)
     if condition[:2] == ("call", AT_LEAST) and rest.may_be_infinite:
-        # where both are equal, an infinite slope of the rest is kept: there it is one-sided
+        # where both arguments are equal, an infinite slope of the other factors is kept, since the slope is one-sided
+        # there
         edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
         return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)
     return combine(CHOICE, condition, ZERO, rest.times(y).tree())

@@ -11,11 +11,13 @@ import math
 from .expressions import Expression
 
 MOST = 64
-"""Angles of more quarter turns are used as they are, because neighbouring floating-point numbers are too far apart there."""
+"""Largest number of quarter turns that is recognised; neighbouring floating-point numbers are too far apart for larger
+angles."""
 
 
 def quarter_turns(angle: Expression) -> int | None:
-    """Number of quarter turns of a fixed angle, 0 to 3; None if their number is not whole, or the angle depends on parameters.
+    """Number of quarter turns of a fixed angle, 0 to 3; None if the angle is no whole number of quarter turns, or
+    depends on parameters.
 
     The angle must be the floating-point number nearest to a multiple of pi/2, such as ``-90 deg`` or ``3*pi/2``, not 1.5707963.
     """

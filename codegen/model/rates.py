@@ -84,7 +84,7 @@ def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Express
 
 
 def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Expression:
-    """The derivative of a function's value from those of its arguments."""
+    """The derivative of a function's value from the derivatives of its arguments."""
     function = value.tree[1]
     if function == AT_LEAST or all(x is ZERO for x in d):
         return ZERO

@@ -94,7 +94,7 @@ class Reader(Problems):
         self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
-        self._keep: list[Entry] = []  # keeps these specs alive, so that their ids stay valid
+        self._keep: list[Entry] = []  # keeps these specs alive: ids of deleted objects would be reused
         self._checked: set[tuple[Expression, str]] = set()
         self._regular: set[Tree] = set()  # trees that `regular` does not change, which long models repeat
         self._values: dict[Expression, float | str] = {}
@@ -107,7 +107,7 @@ class Reader(Problems):
         return part
 
     def expand(self, part: Part, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
-        """Entries of a section of a file; those of repeat blocks one repetition after the other."""
+        """Entries of a section of a file; the entries of a repeat block come one repetition after the other."""
         return self._repetitions[id(part)].expand(section, path)
 
     # --- expressions and names ----------------------------------------------------------------------------------
@@ -321,7 +321,7 @@ class Reader(Problems):
         try:
             written = _EXPRESSION.validate_python(given.value)
         except ValidationError:
-            return (one,)  # errors of the value are reported where it was bound
+            return (one,)  # errors in the value have been reported where it was bound
         dimension = self.dimension(written, given.at, path, quiet=True)
         if dimension is not None:
             at.part.dimensions[name] = dimension
@@ -441,7 +441,7 @@ class Reader(Problems):
         return None if found is None else self.bound(found, at, sub, scope)
 
     def numbers_at(self, at: Instance, sub: Path_, value: Any) -> list[tuple[Path_, Expression]]:
-        """The expression at a path, or the three of a vector, with their paths; not yet bound."""
+        """The expression at a path, or the three expressions of a vector, each with its path; not yet bound."""
         listed = [((*sub, i), v) for i, v in enumerate(value)] if isinstance(value, (list, tuple)) else [(sub, value)]
         if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
             self.report(at, sub, f"{shown(value)}; a number, or three for a vector, is needed")

@@ -20,7 +20,7 @@ from .parts import Instance, Part
 from .positions import Path_, shortened, show_path
 
 MAX_REPETITIONS: Final = 400_000
-"""Largest number of repeated entries of a model; they are read within seconds."""
+"""Largest number of repeated entries of a model; so many entries are read within seconds."""
 
 _HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
 _LABEL = re.compile(r"[A-Za-z0-9_]+")
@@ -60,7 +60,7 @@ class Repetition:
         self._variants: dict[tuple[int, bool, bool], tuple[Any, dict[str, Any]]] = {}
 
     def expand(self, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
-        """Entries of a section in order; those of repeat blocks one repetition after the other."""
+        """Entries of a section in order; the entries of a repeat block come one repetition after the other."""
         return self._expand(section, path, {}, False, False)
 
     def _expand(

@@ -70,7 +70,7 @@ class JointEntry(PlacedEntry):
 
 
 class LoopJointEntry(Entry):
-    """Key of every loop joint: only its type, since its faces give its place."""
+    """Key of every loop joint: only the type, since the two faces determine the place."""
 
 
 def _in_role(kind: type[Entry], name: str, role: type[Entry]) -> type[Entry]:
@@ -250,7 +250,7 @@ def _followed(value: Any, handler: Any) -> Any:
 
 
 class CouplingEntry(Entry):
-    """A coordinate expressed by others: ``{joint: wheel, follows: {crank: -z1/z2}, offset: c}``."""
+    """A coordinate expressed by other coordinates: ``{joint: wheel, follows: {crank: -z1/z2}, offset: c}``."""
 
     placeholders: ClassVar[dict[str, Any]] = {"joint": "joint", "follows": {}}
 
@@ -270,7 +270,7 @@ ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not mea
 
 
 def _keys_of_outputs() -> dict[str, Any]:
-    """All keys of outputs; shared keys come after the last output that has them."""
+    """All keys of outputs; a key that outputs share comes after the last output that has it."""
     keys: dict[str, Any] = {}
     for measure in _KEYED:
         for key, value in measure.keys.items():

@@ -1,4 +1,5 @@
-"""Singular functions: zeros at which an expression may have no value or derivative, although no branch of it changes.
+"""Singular functions: functions at whose zeros an expression may have no value or derivative, although no branch
+changes.
 
 Examples are a quotient at a zero of its denominator, a root or power at a zero of its base, and `atan2` with both arguments zero.
 Along a motion the value may be finite there, and yet jump, have a kink, or change without bounds nearby. The *singular

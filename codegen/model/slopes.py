@@ -1,11 +1,11 @@
 """Values and derivatives of expressions that are finite where plain rules give 0/0 or 0 times infinity.
 
-A product is written as powers of bases, and powers of the same base are combined before anything is computed: the derivative of
-``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. Two kinds of factors are bounded, or grow more slowly than any power: a
-logarithm, and a component of a vector divided by the vector's length. A product with them is zero if its other factors are
-(`VANISHING`). So ``x*log(x)``, ``k*d**n`` differentiated by n, and ``c*sqrt(v.v)*v`` are exact with their derivatives where x, d
-or v is zero. Branches that are not taken do not contribute (`CHOICE`). Otherwise the result is infinite or nan, as is the
-derivative itself.
+A product is written as powers of bases, and powers of the same base are combined before anything is computed: the
+derivative of ``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. Two kinds of factors are bounded, or grow more slowly
+than any power: a logarithm, and a component of a vector divided by the vector's length. A product with such factors is
+zero if its other factors are zero (`VANISHING`). So ``x*log(x)``, ``k*d**n`` differentiated by n, and ``c*sqrt(v.v)*v``
+are exact with their derivatives where x, d or v is zero. Branches that are not taken do not contribute (`CHOICE`).
+Otherwise the result is infinite or nan, as is the derivative itself.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _slope(tree: Tree, by: Tree) -> Tree:
 
 
 def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
-    """The derivative of a function's value from those of its arguments."""
+    """The derivative of a function's value from the derivatives of its arguments."""
     if all(x == ZERO for x in d) or function.removeprefix(HELD) in (AT_LEAST, "sign"):
         return ZERO
     x, dx = of[0], d[0]
@@ -126,7 +126,7 @@ def _of_product(of: Product, by: Tree) -> Tree:
 
 
 def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
-    """The terms of the derivative of a power, each as a set of factors with their exponents."""
+    """The terms of the derivative of a power; each term consists of factors with exponents."""
     less = plus(exponent, MINUS_ONE)
     if key[0] in (NORM, SIZE):
         for weight, x in key[1]:

@@ -23,8 +23,8 @@ def signed_length(
 ) -> tuple[Tree, tuple[Number, Number, Number]] | None:
     """Signed length and direction of the line between the ends of a force element, if the direction is constant; otherwise None.
 
-    The length is zero when the ends coincide, and changes its sign when they pass each other. The direction is an axis of the
-    ground frame, or three numbers, not normalised.
+    The length is zero when the ends coincide, and changes its sign when the ends pass each other. The direction is an
+    axis of the ground frame, or three numbers, not normalised.
 
     Parameters
     ----------
@@ -78,7 +78,8 @@ def _place(
 
 
 def _direction(axis: Vector) -> tuple[Number, Number, Number] | None:
-    """The numerical components of an axis, as they are written; an axis along one of the ground's becomes a base vector."""
+    """The numerical components of an axis as the file writes them; an axis along one of the ground's becomes a base
+    vector."""
     if not all(a.is_number for a in axis):
         return None
     base = coordinate_axis(axis)

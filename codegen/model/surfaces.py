@@ -1,7 +1,7 @@
 """Functions of a point's position whose zeros are surfaces, with their derivatives, as expressions.
 
-They are expressions of parameters and of the point's three coordinates, which have names of their own here: the names x, y and z
-may have other meanings in another file of the same model.
+They are expressions of parameters and of the point's three coordinates, which have special names here: the names x, y
+and z may have other meanings in another file of the same model.
 """
 
 from __future__ import annotations

@@ -41,8 +41,9 @@ BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions of the grammar that have branches."""
 
 PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
-"""Functions with a bounded domain. Switches in their argument are held if the argument is inside the domain where its branch
-changes. Otherwise the held branch has no value or an infinite slope there, as in ``sqrt(max(0, x))``; they are only located."""
+"""Functions with a bounded domain. Switches in the argument are held if the argument is inside the domain where its
+branch changes. Otherwise the held branch has no value or an infinite slope there, as in ``sqrt(max(0, x))``; such
+switches are only located."""
 
 
 def switching(function: str, arguments: Sequence[Tree]) -> Tree | None:
@@ -211,7 +212,8 @@ class Switches:
         self.found.append(Switch(len(self.found), (), (), "turn", element, [f"forces.{element}"], drives=True))
 
     def add_line(self, element: str, length: Tree, direction: tuple[Number, ...]) -> None:
-        """Add the line between two points that move along it; its direction reverses when they pass each other."""
+        """Add the line between two points that move along it; the direction of the line reverses when the points pass
+        each other."""
         self.found.append(
             Switch(
                 len(self.found), (), length, "sign", element, [f"forces.{element}"], drives=True, direction=direction
@@ -241,12 +243,12 @@ class Switches:
         return next((s.direction for s in self.found if s.element == element), ())
 
     def mode_of(self, element: str) -> tuple[Tree, ...]:
-        """The mode of the angle or of the line of a force element, if it has one; then the direction of the line."""
+        """The mode of a force element's angle or line, if it has one; for a line, then the direction of the line."""
         found = (s for s in self.found if s.element == element)
         return next(((("name", f"{MODE}{s.number}"), *(("number", v) for v in s.direction)) for s in found), ())
 
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
-        """The tree with held functions in place of those with branches.
+        """The tree in which functions with branches are replaced by held functions.
 
         The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
         smooth enough in a force, are therefore held in prescribed motion; at the seam of a periodic table their argument
@@ -286,7 +288,7 @@ class Switches:
         return switch
 
     def _singular(self, tree: Tree) -> list[Tree]:
-        """Singular functions, except bases of roots and powers with a switch at their zeros."""
+        """Singular functions, without bases of roots and powers that have a switch at their zeros."""
         return singular_functions(
             tree, self._varies, lambda part, of: part in self._located and self._without_factors(of)[0] == "call"
         )

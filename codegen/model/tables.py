@@ -6,8 +6,8 @@ expression of the grammar, so every engine can evaluate and differentiate it. Fo
 derivative of the first one. So exactly at a point, the slope is that on its left: neighbours compare x with the same number, and
 only the left one counts there.
 
-A periodic table is repeated after its last point. x is reduced by whole periods to a value above 0 and up to one period, so that
-at the seam, too, the slope is that on its left. A cubic one is as smooth at the seam as elsewhere.
+A periodic table is repeated after its last point. x is reduced by whole periods to a value above 0 and up to one
+period, so that the slope at the seam is also that on the left. A cubic one is as smooth at the seam as elsewhere.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ class UnitError(ValueError):
 
 
 def unit_at(text: str, start: int) -> tuple[Fraction, Dimension, int]:
-    """The unit that begins at a place in a text: its SI value, its dimension, and its end.
+    """The unit that begins at a place in a text: SI value, dimension, and the end of the unit in the text.
 
     It extends over all known units that follow without a space, joined by ``*`` or ``/``.
 
@@ -136,7 +136,7 @@ class DimensionError(ValueError):
 
 _PURE: Final = frozenset(named("name", lambda e: e.pure))
 _PLAIN: Final = "plain"
-"""Dimension of a number without unit: it has no effect in a product, and fits any dimension in a sum."""
+"""Dimension of a number without unit: the number has no effect in a product, and fits any dimension in a sum."""
 
 
 def dimension_of(tree: Any, known: Any) -> Dimension | None:

@@ -101,7 +101,7 @@ def column_of(at: Instance, sub: Path_, name: str) -> int | None:
 
 
 def some(names: Iterable[str]) -> str:
-    """The first names of a list, with their number if it is long."""
+    """The first names of a list; a long list is followed by its number of names."""
     listed = list(names)
     text = ", ".join(listed[:12])
     return (f"{text}, ... ({len(listed)} in all)" if len(listed) > 12 else text) or "(none)"

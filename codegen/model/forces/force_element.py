@@ -48,12 +48,12 @@ class ForceElement:
 
     @property
     def axis(self) -> Vector | None:
-        """A direction in the axes of its faces that the law singles out; it becomes a base vector of theirs."""
+        """A direction in the axes of its faces that the law needs; it becomes a base vector of the faces."""
         return None
 
     @property
     def variant(self) -> tuple[object, ...]:
-        """Non-numerical properties of its law; only elements with equal ones share generated code."""
+        """Non-numerical properties of the law; only elements with equal properties share generated code."""
         return ()
 
     @property
@@ -63,7 +63,7 @@ class ForceElement:
 
     @property
     def coefficients(self) -> tuple[Expression, ...]:
-        """Coefficients of its law; as fields they have the names of their keys."""
+        """Coefficients of the law; the fields have the names of the keys."""
         return tuple(getattr(self, key) for key in self.keys)
 
     def expressions(self) -> Iterator[Expression]:

@@ -54,7 +54,7 @@ def along_freedoms(
 ) -> tuple[Expression, ...]:
     """The twelve components of a `JointLoad` from generalised forces on the speeds of a joint.
 
-    Axes up to the first rotation of the chain are fixed in the joint's frame, all later ones in the body.
+    Axes up to the first rotation of the chain are fixed in the joint's frame, all later axes in the body.
     """
     found = [ZERO] * 12
     turned = False
@@ -228,7 +228,7 @@ class LimitEntry(InJointEntry):
         k, c, width = numbers["stiffness"], numbers["damping"], numbers["width"]
         value = ZERO
         for sign, way in ways:
-            # integral of the smooth start: s^2 / (2 width) up to the width, then linear
+            # the integral of the smooth start: s^2 / (2 width) up to the width, then linear
             beyond = made("max", 0, way)
             s = made("min", beyond, width)
             push = k * (s**2 / (2 * width) + (beyond - s))

@@ -19,7 +19,8 @@ from ..grammar import ExpressionError, Number
 from ..parsing import parse
 
 MEASURES: Final = {"distance": "m", "rate": "m/s"}
-"""Names in formulas besides the coefficients, with their units: distance of the points, and its time derivative."""
+"""Names that formulas may contain besides coefficients, with their units: the distance of the points, and its time
+derivative."""
 
 _TAKEN: Final = RESERVED | MEASURES.keys() | {"type", "from", "to", "first", "last", "repeat", "name"}
 _WORD: Final = re.compile("[a-z][a-z0-9_]*")

@@ -30,7 +30,7 @@ LARGE, FEW_WRONG = 5000, 100
 """A model of more than `LARGE` bodies is rejected before its numbers are read if at most `FEW_WRONG` of its parents are wrong."""
 
 MAX_DIFFERENT: Final = 40_000
-"""Largest number of repeated bodies with different numbers; equal ones are read once."""
+"""Largest number of repeated bodies with different numbers; repeated bodies with equal numbers are read once."""
 
 _Parts = tuple[Joint, Expression, Vector, Inertia, tuple[Visual, ...] | None, bool]
 _Listed = list[tuple[Path_, Expression]]
@@ -72,7 +72,8 @@ class BodySection:
 
 
 def read_bodies(reader: Reader) -> BodySection:
-    """Read the bodies. From then on, expressions of the scope ``motion`` may contain coordinates and speeds of their joints."""
+    """Read the bodies. Expressions of the scope ``motion`` that are read later may contain coordinates and speeds of
+    their joints."""
     section = BodySection()
     for at in _entries(reader):
         if len(section.names) == MAX_BODIES:
@@ -107,7 +108,7 @@ def read_bodies(reader: Reader) -> BodySection:
 
 
 def _entries(reader: Reader) -> Iterator[Instance]:
-    """The bodies of all files; those of a submodel follow the body that replaces its ground."""
+    """The bodies of all files; the bodies of a submodel follow the body that replaces its ground."""
     for part in reader.parts:
         if part.frame is not None:
             yield part.frame
@@ -115,7 +116,7 @@ def _entries(reader: Reader) -> Iterator[Instance]:
 
 
 def _build(reader: Reader, section: BodySection) -> None:
-    """Make the bodies; those with errors are left out after their report."""
+    """Make the bodies; bodies with errors are reported and left out."""
     if len(section.names) > LARGE:
         _refuse_few_wrong_parents(reader, section)
     parts = _PartsReader(reader)

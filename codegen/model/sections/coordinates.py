@@ -1,4 +1,4 @@
-"""Coordinates named in entries: single ones, or all of a joint by its name."""
+"""Coordinates that entries name: single coordinates, or all coordinates of a joint by the joint's name."""
 
 from __future__ import annotations
 
@@ -83,14 +83,14 @@ class Joints(dict[str, JointOf]):
 
 
 def unknown_name(reader: Reader, what: str, name: str, known: Iterable[str]) -> str:
-    """Message about an unknown name, with the known ones."""
+    """Message about an unknown name, with the known names."""
     listed = list(dict.fromkeys(known))
     hint = reader.loop_hint(name) or nearest(name, listed)
     return f"unknown {what} {name!r}; allowed are {some(listed)}{hint}"
 
 
 def values_of(value: Any) -> Iterator[tuple[Path_, Any]]:
-    """A value, or those of a list, each with its path."""
+    """A single value, or the values of a list, each with its path."""
     if isinstance(value, (list, tuple)):
         yield from (((i,), v) for i, v in enumerate(value))
     else:

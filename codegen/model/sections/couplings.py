@@ -48,7 +48,7 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
 def _read_followed(
     reader: Reader, at: Instance, spec: CouplingEntry, own: str | None, joints: Joints, terms: list[Term]
 ) -> None:
-    """Add the coordinates that the coupling's coordinate follows, with minus their ratios."""
+    """Add the coordinates that the coupling's coordinate follows; their factors are minus the ratios."""
     if not spec.follows:
         reader.report(at, ("follows",), "follows is empty; give coordinates with their ratios: {crank: -z1/z2}")
     seen: set[str] = set()

@@ -1,6 +1,5 @@
-"""Warnings about angles and axes that are rounded exact ones: 1.5708 for pi/2.
-
-With them, revolute joints that should be parallel are not exactly so, and intended motion may be locked.
+"""Warnings about angles and axes that are rounded from exact values, such as 1.5708 for pi/2. With rounded axes,
+revolute joints that should be parallel are not exactly so, and intended motion may be locked.
 """
 
 from __future__ import annotations

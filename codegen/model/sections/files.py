@@ -64,7 +64,8 @@ def _check_keys(reader: Reader, part: Part) -> None:
 
 
 def _with_included(reader: Reader, part: Part) -> list[Part]:
-    """The files that a file includes, with their own included files, then itself; all are added to the reader."""
+    """The files that a file includes, each after its own included files, then the file itself; all are added to the
+    reader."""
     found: list[Part] = []
     at = part.entry("include")
     if at.value is not None and not isinstance(at.value, (list, tuple)):

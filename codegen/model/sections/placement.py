@@ -38,7 +38,7 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
 
 
 def bound_expressions(reader: Reader, entry: Entry, at: Instance, sub: Path_) -> dict[Path_, Expression]:
-    """The expressions of a validated entry by their paths, bound to parameters; computed once for all equal repetitions."""
+    """The bound expressions of a validated entry, by path; computed once for all equal repetitions."""
     same = reader.bound_once.get((id(at.part), id(entry), sub))
     if same is not None:
         return same
@@ -70,7 +70,8 @@ def vector(bound: Bound, *sub: str | int) -> Vector:
 def rotation(
     reader: Reader, spec: PlacedEntry, at: Instance, sub: Path_, bound: Bound
 ) -> tuple[tuple[Vector, Expression], ...]:
-    """``rotate`` or ``rpy`` of the frame at a path, as rotations about the rotated axes, without those by zero."""
+    """``rotate`` or ``rpy`` of the frame at a path, as rotations about the rotated axes; rotations by zero are left
+    out."""
     turns: list[tuple[Vector, Expression]] = []
     for i in range(len(spec.rotate or ())):
         axis = vector(bound, *sub, "rotate", i, "axis")

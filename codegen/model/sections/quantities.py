@@ -122,7 +122,7 @@ def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float
 
 
 def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
-    """The unit of a parameter for documentation: that of the file, or that of its value."""
+    """The unit of a parameter for documentation: the unit given in the file, or the unit of the value."""
     dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {None}  # errors are reported at binding
     if len(dimensions) > 1:
         reader.report(at, ("value",), "components have different units; those of a vector must be of the same kind")

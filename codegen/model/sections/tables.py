@@ -12,7 +12,7 @@ from ..tables import MAX_POINTS, Table
 
 
 def read_tables(reader: Reader) -> list[Instance]:
-    """Read the section; from then on expressions may call the tables."""
+    """Read the section; expressions that are read later may call the tables."""
     found = []
     for at, name, spec in reader.entries("tables", TableEntry, "table", "value"):
         if name is None or not reader.is_whole(spec):
@@ -34,9 +34,9 @@ def read_tables(reader: Reader) -> list[Instance]:
         if reader.errors == before:
             _check_period(reader, at, spec, x, period)
         y = [ZERO, ZERO]
-        if reader.errors > before:  # a placeholder, so that calls of the table cause no further errors
+        if reader.errors > before:  # a placeholder prevents further errors by calls of the table
             x = [0.0, 1.0]
-        else:  # with names of the file; a call of the table replaces them by the model's names
+        else:  # names as in the file; a call of the table replaces them by names of the model
             y = [at.part.binder(e, at.indices) for e in spec.y]
             if period is not None and x[0] + period > x[-1]:
                 x, y = [*x, x[0] + period], [*y, y[0]]

@@ -20,7 +20,8 @@ _VECTORS: Final = {"size", "radii"}
 
 
 def read_visuals(reader: Reader, spec: BodyEntry, at: Instance, bound: Bound) -> tuple[Visual, ...] | None:
-    """The visuals of a body, from its expressions by their paths; its shape if it lists none; None without either.
+    """The visuals of a body, from its expressions by their paths; the shape if the body lists no visuals; None without
+    either.
 
     Reports negative sizes and axes without direction.
     """
