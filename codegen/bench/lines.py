@@ -113,7 +113,8 @@ def growth(result: dict[str, Any]) -> str:
 
 
 def robot_table(rows: Sequence[dict[str, Any]]) -> Rows:
-    """Robots: times of ordernm and of Pinocchio, and their ratio, by function."""
+    """Header and rows of a table of robots: times of ordernm and of Pinocchio, and the ratio of the two, by
+    function."""
     head = ["", "speeds", "difference", *(x for what in rows[0]["seconds"] for x in (what, "Pinocchio", "ratio"))]
     cells = []
     for r in rows:

@@ -113,7 +113,8 @@ TIGHT, LOOSE = Setting("dop853", 1e-12, 1e-12), Setting("dop853", 1e-9, 1e-9)
 
 
 def _derivatives(problem: Motion, solver: Solver, start: dict[str, float], quick: bool) -> Result:
-    """Derivatives of the final state compared with exact ones: largest error over largest derivative, for each parameter."""
+    """Errors of derivatives of the final state: for each parameter, the largest error over the largest exact
+    derivative."""
     assert problem.derivatives is not None
     setting = LOOSE if quick else TIGHT
     x, seconds = timed(lambda: integrate(solver, problem.end, setting, start, problem.sensitivities))

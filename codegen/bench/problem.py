@@ -189,7 +189,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Robots:
-    """Robots that another program reads and computes, too; its results are the reference.
+    """Robots that another program also reads and computes; the results of that program are the reference.
 
     Attributes
     ----------

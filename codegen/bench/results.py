@@ -105,7 +105,8 @@ def other_machine(new: dict[str, Any], old: dict[str, Any]) -> list[str]:
 
 
 def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
-    """Rows for entries that both runs contain: problem, setting, errors, evaluations, times, and ratio of times, new over old."""
+    """Rows for entries that both runs contain: problem, setting, errors, evaluations, times, and the ratio of the new
+    time to the old."""
     before = {key: (error, evaluations, seconds) for key, error, evaluations, seconds in figures(old)}
     rows = []
     for key, error, evaluations, seconds in figures(new):

@@ -156,7 +156,7 @@ class PassiveForces:
         self.lift()
 
     def clamp(self) -> None:
-        """Add the actuator forces on joints that limit their sum."""
+        """Add the actuator forces on joints that limit the sum of these forces."""
         for joint, terms in self.driven.items():
             if terms:
                 low, high = (number(float(v)) for v in self.model.jnt_actfrcrange[self.limited[joint]])
@@ -165,9 +165,8 @@ class PassiveForces:
                 self.robot.terms.append(JointTerm(joint, f"min(max({text}, {low}), {high})", of))
 
     def clamp_tendon(self, t: int, pulls: list[Pull]) -> None:
-        """Add the actuator forces of a tendon that limits their sum (without gears).
-
-        MuJoCo scales all of them by the same factor. Only if all gears are equal is the result the clamped sum.
+        """Add the actuator forces of a tendon that limits the sum of these forces (without gears). MuJoCo scales all
+        forces by the same factor. Only if all gears are equal is the result the clamped sum.
         """
         model = self.model
         if len({pull.gear for pull in pulls}) > 1:
@@ -183,7 +182,8 @@ class PassiveForces:
         self.act(name, first.length, f"min(max({text}, {low}), {high})", 1.0, driven=True)
 
     def lift(self) -> None:
-        """List joints whose gravity compensation by actuators differs in the model: it is limited, or no actuator acts."""
+        """List joints whose gravity compensation by actuators differs in the model: the compensation is limited, or no
+        actuator acts."""
         model = self.model
         if self.off("GRAVITY") or (self.off("SPRING") and self.off("DAMPER")) or not np.any(model.body_gravcomp):
             return
@@ -262,7 +262,7 @@ class PassiveForces:
         return float(np.linalg.norm(ends[0] - ends[1]))
 
     def mark(self, site: int) -> str:
-        """The point of a site; adds it if it is new."""
+        """The point of a site; the point is added if it is new."""
         name = self.model.site(site).name or f"site_{site}"
         if all(mark.name != name for mark in self.robot.marks):
             body = int(self.model.site_bodyid[site])

@@ -84,7 +84,7 @@ class Parameters:
         return f"[{', '.join(f'{number(v / length)}*{name}' if v else '0' for v in value)}]"
 
     def damping(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
-        """Names of the damping parameters; one for each degree of freedom if they differ."""
+        """Names of the damping parameters: one for each degree of freedom if the values differ."""
         if "damping" not in words:
             return []
         unit = "N s/m" if joint.type == "prismatic" else "N m s/rad"
@@ -98,7 +98,7 @@ class Parameters:
         return self._each(f"{body}_armature", list(zip(joint.armature, units, strict=True)))
 
     def _each(self, name: str, rows: list[tuple[float, str]]) -> list[str]:
-        """Parameters for non-negative numbers with their units; several are numbered."""
+        """Parameters for non-negative numbers with their units; if there are several, their names are numbered."""
         ends = [f"_{i + 1}" for i in range(len(rows))] if len(rows) > 1 else [""]
         return [self._new(f"{name}{end}", value, unit, 0.0) for end, (value, unit) in zip(ends, rows, strict=True)]
 

@@ -163,7 +163,7 @@ class _Reader:
         return [_Step(here, "fixed")]
 
     def mimic(self, joint: Any, inner: Any, name: str) -> list[_Step]:
-        """A joint whose coordinate follows that of another joint."""
+        """A joint whose coordinate follows the coordinate of another joint."""
         other = self.model.mimicked_joints[list(self.model.mimicking_joints).index(joint.id)]
         (motion,) = _columns(joint, int(self.model.nqs[other])) / inner.scaling
         of = str(self.model.names[other])
@@ -185,7 +185,7 @@ def _axes(letter: str) -> tuple[Three, ...]:
 
 
 def _columns(joint: Any, nq: int | None = None) -> Array:
-    """Partial velocities (nv, 6) at zero coordinates, linear then angular."""
+    """Partial velocities (nv, 6) at zero coordinates, linear components first."""
     data, q = joint.createData(), np.zeros(joint.nq if nq is None else nq)
     if len(q) == 2 and joint.nv < 2:
         q[0] = 1.0  # q is the cosine and sine of the angle

@@ -122,7 +122,8 @@ def of_rpy(roll: float, pitch: float, yaw: float) -> Array:
 def to_rpy(rotation: Array) -> Three:
     """Roll, pitch, yaw of a rotation; yaw is 0 at gimbal lock, where pitch is a quarter turn.
 
-    Roll is computed after the yaw has been removed, so that both together are accurate even if yaw alone is ill determined.
+    Roll is computed after the yaw has been removed, so that the rotation is accurate even if yaw alone is ill
+    determined.
     """
     r = rotation
     yaw = math.atan2(r[1, 0], r[0, 0]) if math.hypot(r[0, 0], r[1, 0]) > _NEAR else 0.0

@@ -1,4 +1,4 @@
-"""A robot as read from any format: links, joints, mass properties, and what the model format lacks."""
+"""A robot as read from any format: links, joints, mass properties, and parts that the model format lacks."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ class RobotJoint:
         return not any(law.damping or law.stiffness for law in self.laws)
 
     def give_laws(self, laws: Sequence[Law]) -> None:
-        """Set the laws of all degrees of freedom; equal ones are stored once."""
+        """Set the laws of all degrees of freedom; laws that are equal are stored once."""
         self.laws = tuple(laws[:1] if len(set(laws)) == 1 else laws)
 
     def law(self, k: int) -> Law:

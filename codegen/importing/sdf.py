@@ -1,8 +1,8 @@
 """Import of SDF: links with poses of their own, and joints between them that may close loops, see http://sdformat.org/spec.
 
-The components of an axis are in the joint's frame, or in the frame that ``expressed_in`` names. In files before 1.5, and with
-``use_parent_model_frame``, they are in the model's frame. See `sdf_scopes` for worlds and nested models, `sdf_frames` for
-poses and frames, and `sdf_tree` for the choice of the tree's joints.
+The components of an axis are in the joint's frame, or in the frame that ``expressed_in`` names. In files before 1.5,
+and with ``use_parent_model_frame``, the components are in the model's frame. See `sdf_scopes` for worlds and nested
+models, `sdf_frames` for poses and frames, and `sdf_tree` for the choice of the tree's joints.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _REMARKS: Final = {
     "drake:perception_properties": ("", Effect.NONE), "drake:diffuse_map": ("", Effect.NONE),
     "drake:capsule": ("", Effect.STOPS), "drake:ellipsoid": ("", Effect.STOPS),
 }  # fmt: skip
-"""Elements that the model format lacks: a remark, and the effect of their absence."""
+"""Elements that the model format lacks, each with a remark and the effect of its absence."""
 
 
 _LATEST: Final = (1, 12)

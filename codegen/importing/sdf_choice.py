@@ -115,7 +115,8 @@ class Choice:
 
     @staticmethod
     def _whole(outer: Scope, inner: Scope) -> list[Scope]:
-        """The model directly in `outer` that contains `inner`, with its nested models; only `outer` if both are the same."""
+        """The model directly in `outer` that contains `inner`, with its nested models; only `outer` if `inner` is the
+        same model."""
         if inner is outer:
             return [outer]
         while inner.parent is not None and inner.parent is not outer:

@@ -1,7 +1,8 @@
 """Worlds and models of an SDF as scopes of names, with included files read.
 
-A scope is a world or a model. It contains the names of its links, joints, frames and models; ``a::b`` is b in model a. The
-names of a model included with ``merge="true"`` are in the including model; its poses are relative to its own frame.
+A scope is a world or a model. It contains the names of its links, joints, frames and models; ``a::b`` is b in model a.
+The names of a model included with ``merge="true"`` are in the including model, but the poses of the included model are
+relative to its own frame.
 """
 
 from __future__ import annotations

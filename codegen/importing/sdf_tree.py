@@ -1,4 +1,4 @@
-"""Choice of the joints of an SDF that form a tree; the others close loops or are gears."""
+"""Choice of the joints of an SDF that form a tree; other joints close loops or are gears."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .xml_reading import Element
 from .xml_values import RobotReader, is_true, place_of
 
 PARALLEL: Final = 1e-6
-"""Angle in rad between the axes of a gear and of a joint up to which they count as parallel."""
+"""Angle in rad up to which the axes of a gear and of a joint count as parallel."""
 _LOOP_TYPES: Final = {"spherical": "point"}
 _AXES_IN_JOINTS: Final = (1, 5)
 """First version in which axes are in the joint's frame."""
@@ -68,7 +68,7 @@ class TreeMaker:
             if name in moving:
                 self.carry(moving[name], reverse, poses)
                 continue
-            used[name] = poses[name]  # attached to the ground, so `name` is a link, not a joint
+            used[name] = poses[name]  # this link is attached to the ground, so `name` is a link, not a joint
             at = self.outside @ poses[name]
             is_static = name in self.static
             stand = RobotJoint("", robot.links[name].place, "fixed" if is_static else "free", WORLD, name)
@@ -133,7 +133,7 @@ class TreeMaker:
         self.robot.give_armature(made, (joint.armature,) * len(axes), place_of(joint.element))
 
     def gear(self, gear: SdfJoint) -> Coupling:
-        """The coupling that a gearbox is, between the two revolute joints of its links on its reference body.
+        """The coupling that represents a gearbox, between the two revolute joints of its links on its reference body.
 
         In the specification, theta_2 = -gearbox_ratio theta_1. These are the angles of the parent about ``axis`` and of the child
         about ``axis2``, both relative to ``gearbox_reference_body``.

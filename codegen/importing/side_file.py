@@ -43,7 +43,7 @@ class SideFile:
 
 
 def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
-    """Read a side file, in which links have their names in the robot's file or in the model.
+    """Read a side file, which may name links as the robot's file or as the model does.
 
     Raises
     ------
@@ -94,7 +94,8 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
 
 
 def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
-    """A coordinate with its name in the model; the part before its number, as in ``arm.1``, may be a link of the robot's file."""
+    """A coordinate by its name in the model. The file may name a link of the robot's file before the number, as in
+    ``arm.1``."""
     if not isinstance(name, str) or name in new:
         return new.get(name, name)
     stem, dot, part = name.rpartition(".")

@@ -1,4 +1,4 @@
-"""Spanning tree of a graph of links: the joints that carry links; the other joints close loops."""
+"""Spanning tree of a graph of links: the joints in the tree carry links; the other joints close loops."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Edge(NamedTuple):
 def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> list[tuple[str, bool]]:
     """Carriers of all links, from the ground outward: a joint, or the link itself if it is attached to the ground.
 
-    Each entry is a name, and whether the joint is reversed, so that its child carries its parent. Joints are taken from parent to
-    child, loose ones only if no other joint continues the tree, reversed ones last. Links that no joint reaches are attached to
-    the ground, first those that are nobody's child.
+    Each entry is a name, and whether the joint is reversed, so that its child carries its parent. Joints are taken from
+    parent to child. Loose joints are taken only if no other joint continues the tree, and reversed joints last. Links
+    that no joint reaches are attached to the ground; links that are nobody's child come first.
     """
     children = {edge.child for edge in edges}
     waiting = [*(link for link in links if link not in children), *(link for link in links if link in children)]

@@ -1,8 +1,8 @@
 """Holonomic sympy constraints as couplings and loops of a model.
 
-A linear constraint becomes a coupling. A constraint that holds a point of a body in a plane of the ground becomes that loop.
-Any other constraint becomes a surface. A point lies on it whose coordinates are the variables of the constraint: massless
-bodies on prismatic joints carry the point, and couplings relate them to the variables.
+A linear constraint becomes a coupling. A constraint that holds a point of a body in a plane of the ground becomes a
+loop of this kind. Any other constraint becomes a surface for a point whose coordinates are the variables of the
+constraint. Massless bodies on prismatic joints carry this point, and couplings relate the joints to the variables.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ class _Conditions:
         return self.sum(name, constraint, used)
 
     def line(self, e: Any, used: Sequence[Any]) -> tuple[dict[Any, Any], Any] | None:
-        """Coefficients of the coordinates, and the constant term; None if the expression is not linear in them."""
+        """Coefficients of the coordinates, and the constant term; None if the expression is not linear in the
+        coordinates."""
         factors = {q: e.diff(q).expand() for q in used}
         if any(_changes(c, used) for c in factors.values()):
             return None
@@ -145,7 +146,7 @@ class _Conditions:
                 loops[names[0]] = {"joint": joint, "from": GROUND, "to": to}
 
     def point(self, variables: Sequence[Any]) -> str:
-        """The body at the point whose coordinates are the variables; adds it if it is new."""
+        """The body at the point whose coordinates are the variables; the body is added if it is new."""
         key = tuple(variables)
         if key not in self.points:
             bodies = self.found.sections["bodies"]
@@ -193,7 +194,7 @@ class _Conditions:
         self.linear(name, factors, rest)
 
     def variables(self, term: Any) -> tuple[Any, ...]:
-        """The angles in sines and cosines of a term, then its other coordinates."""
+        """The variables of a term: the angles in its sines and cosines, then its other coordinates."""
         import sympy
 
         angles = [f for f in term.atoms(sympy.sin, sympy.cos) if moves(f) and self._is_linear(f.args[0])]

@@ -116,7 +116,7 @@ def _parts(system: Any) -> tuple[list[Any], Any, Any]:
 
 
 def _check_speeds(found: SympySystem, system: Any) -> None:
-    """Check that speeds are rates of coordinates, and that all of them belong to joints."""
+    """Check that all speeds are rates of coordinates and belong to joints."""
     from sympy.physics.mechanics import dynamicsymbols
 
     rates = [e.expand() for e in system.kdes]

@@ -283,7 +283,7 @@ def _is_at_rest(body: Any, inertial: Any) -> bool:
 def _read_joint(found: SympySystem, joint: Any, names: Mapping[str, str], sign: int) -> None:
     """Add a joint, and the body that it carries.
 
-    The axes of the model's body are those of sympy's interframe; its origin is the joint's point.
+    The body in the model has the axes of sympy's interframe, and its origin is the joint's point.
     """
     parent, child = (joint.parent, joint.child)[::sign]
     inner, outer = (joint.parent_interframe, joint.child_interframe)[::sign]

@@ -67,7 +67,7 @@ _REMARKS: Final = {
     "frame": ("a frame of Drake's", Effect.NONE),
     "drake:collision_filter_group": ("contacts", Effect.STOPS), "collision_filter_group": ("contacts", Effect.STOPS),
 }  # fmt: skip
-"""Elements that the model format lacks: a remark, and the effect of their absence."""
+"""Elements that the model format lacks, each with a remark and the effect of its absence."""
 _ACTING: Final = {
     "joint", "link", "springStiffness", "springReference", "spring_stiffness", "dampingFactor", "damping", "gravity",
     "turnGravityOff", "implicitSpringDamper", "kinematic", "static",

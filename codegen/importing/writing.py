@@ -18,7 +18,7 @@ from .solids import moments
 from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 
 _AGREES: Final = 1e-9
-"""Relative tolerance for the mass properties of a shape to count as those of the file."""
+"""Relative tolerance within which the mass properties of a shape agree with those of the file."""
 SHAPES: Final = ("box", "cylinder", "capsule", "sphere")
 """Types of solids that the model format has as shapes."""
 _COORDINATES: Final = {
@@ -170,7 +170,7 @@ class ModelWriter:
         return lines
 
     def points(self) -> list[str]:
-        """Lines of points: links that are not bodies, with their rotation in a comment; then marks."""
+        """Lines of the points: first links that are not bodies, with their rotation in a comment; then marks."""
         lines = []
         every = self.bodies.merged_frames()
         for link, holder, own in every:

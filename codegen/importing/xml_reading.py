@@ -1,7 +1,7 @@
 """XML parsed into elements with line numbers; only elements, attributes and text are read.
 
-The parser is that of defusedxml. It rejects document types, and so entities, default attributes and external files. As in
-Pinocchio, MuJoCo and Drake, two things are tolerated: two dashes in a comment, and blanks before the declaration.
+The parser is from defusedxml. It rejects document types, and thereby entities, default attributes and external files.
+As in Pinocchio, MuJoCo and Drake, two things are tolerated: two dashes in a comment, and blanks before the declaration.
 """
 
 from __future__ import annotations

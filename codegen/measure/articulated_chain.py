@@ -27,14 +27,14 @@ def known(x: Any, value: int) -> bool:
 
 
 def mul(x: Any, y: Any) -> Any:
-    """x y, without a product if one of them is a structural zero or one."""
+    """The product x y; no operation if one of the factors is a structural zero or one."""
     if known(x, 0) or known(y, 1):
         return x
     return y if known(y, 0) or known(x, 1) else x * y
 
 
 def add(x: Any, y: Any) -> Any:
-    """x + y, without a sum if one of them is a structural zero."""
+    """The sum x + y; no operation if one of the terms is a structural zero."""
     return y if known(x, 0) else x if known(y, 0) else x + y
 
 
@@ -155,7 +155,8 @@ def _velocities(rod: Rod, axes: Sequence[int], R: list[Matrix], u: Vector) -> tu
 def _articulated(
     rod: Rod, axes: Sequence[int], R: list[Matrix], bias: list[Wrench], pushed: list[Wrench]
 ) -> list[tuple[Vector, Vector, Any, Any]]:
-    """Inward sweep: articulated inertias and forces; returns for each joint its column, 1/pivot and minus its moment."""
+    """Inward sweep: articulated inertias and forces; returns, for each joint, its column, 1/pivot, and minus the moment
+    along it."""
     L, J, H, M = rod.L, rod.J, rod.H, rod.M
     moment, force = pushed[-1]
     solved: list[Any] = [None] * len(axes)

@@ -1,9 +1,9 @@
 """Contestants in C: compiled at several optimisation levels, called in a loop in C, compared and timed in turns.
 
-Times of the same C code differ by a quarter between translation units, and drift with the machine. So every contestant is a
-separate library at each level, and all are timed in turns. A round gives, for each, the smallest time of many batches of about
-two milliseconds. Times are medians over the rounds at the best level, and ratios are medians of those of single rounds. The clock
-counts the CPU time of the thread.
+Times of the same C code differ by a quarter between translation units, and drift with the machine. So every contestant
+is a separate library at each level, and all are timed in turns. A round gives, for each, the smallest time of many
+batches of about two milliseconds. Times are medians over the rounds at the best level, and ratios are medians of the
+ratios of single rounds. The clock counts the CPU time of the thread.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The core used for measurements: its current speed, and its peak performance.
 
-On a shared machine, other processes make a core slower by half or more, and its caches by a factor of two, for milliseconds or
-minutes. Times of two runs are comparable only together with the speed of the core. So two fixed pieces of work are timed before
-and after each measurement in a report. One resembles a solver; the other uses arrays as long as those of batches.
+On a shared machine, other processes make a core slower by half or more, and its caches by a factor of two, for
+milliseconds or minutes. Times of two runs are comparable only together with the speed of the core. So two fixed pieces
+of work are timed before and after each measurement in a report. One piece resembles a solver; the other uses arrays as
+long as the arrays of batches.
 """
 
 from __future__ import annotations
@@ -133,7 +134,7 @@ WORK = 50
 """Repetitions of the fixed work, about 30 microseconds: short compared with a turn, long compared with the clock's resolution."""
 
 LENGTH = 32_768
-"""Length of the two arrays of the other fixed work: beyond the first cache, like those of batches."""
+"""Length of the two arrays in the second piece of fixed work: too long for the first cache, like arrays of batches."""
 
 FIXED_WORK = ("core", "cache")
 """Names of the fixed work in a `Turn` and in a report."""

@@ -79,8 +79,8 @@ def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True)
 class Sized:
-    """A model of a given size, with loops closed to rounding; dependent speeds need not be consistent, since functions determine
-    them.
+    """A model of a given size, with loops closed to rounding; dependent speeds need not be consistent, since functions
+    compute these.
 
     Attributes
     ----------

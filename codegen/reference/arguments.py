@@ -1,4 +1,4 @@
-"""Arguments of the reference engines: they are checked and become pairs, and dependent values follow from closure."""
+"""Arguments of the reference engines: checks, conversion to pairs, and dependent values from closure."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ class Arguments(ABC):
     # --- prescribed motion ------------------------------------------------------------------------------------------
 
     def _with_prescribed(self, q: Pair, u: Pair, pairs: Pairs) -> tuple[Pair, Pair]:
-        """All coordinates and speeds, from those that are not prescribed."""
+        """All coordinates and speeds, where the prescribed ones are added to the given ones."""
         if not self.given.motion:
             return q, u
         held_q = np.setdiff1d(np.arange(self.model.nq), self.free_q)
@@ -206,7 +206,7 @@ class Arguments(ABC):
     # --- closed loops ---------------------------------------------------------------------------------------------
 
     def _completed(self, state: State) -> State:
-        """Dependent speeds and seeds from closure; values that the caller passes for these are ignored."""
+        """Dependent speeds and seeds from closure; any values that the caller passes for them are ignored."""
         model, dependent = self.model, self.dependent
         q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
         q.tangent[:, self.dependent_coordinates] *= 0
@@ -228,7 +228,7 @@ class Arguments(ABC):
         return state
 
     def _along_independents(self, state: State, group: SpeedGroup) -> Array:
-        """The part of a group's seeds that moves it along its independent speeds, (k, n, 1).
+        """The part of a group's seeds that moves the group along its independent speeds, (k, n, 1).
 
         A displacement relates to coordinates as a speed relates to qdot, and the qdot of the speeds of a group are mutually
         perpendicular. So this part is the projection of the seeds on some of them. Changes of a quaternion's length are dropped
@@ -275,7 +275,7 @@ class Arguments(ABC):
 
     @abstractmethod
     def _closed_speeds(self, state: State) -> Pair:
-        """The dependent speeds in order, (r, 1), from velocity closure with the independent ones of the state."""
+        """The dependent speeds in order, (r, 1), from velocity closure with the independent speeds of the state."""
 
     @abstractmethod
     def _coordinate_rates(self, state: State) -> Pair:

@@ -1,9 +1,9 @@
 """The number types of the reference engines, and the linear algebra that works with all of them.
 
-``float64`` arrays are ordinary NumPy arrays. ``mpmath`` arrays have dtype object and hold `mpmath.mpf`; their precision is the
-caller's ``mpmath.mp.dps`` at the time of the call. ``decimal`` arrays hold `decimal.Decimal`, which is written in C and takes a
-fifth of the time. Their precision is that of the caller's decimal context, and elementary functions come from mpmath. All
-multiply with ``@``, so the engines are written once.
+``float64`` arrays are ordinary NumPy arrays. ``mpmath`` arrays have dtype object and hold `mpmath.mpf`; their precision
+is the caller's ``mpmath.mp.dps`` at the time of the call. ``decimal`` arrays hold `decimal.Decimal`, which is written
+in C and takes a fifth of the time. The precision of ``decimal`` arrays is that of the caller's decimal context, and
+elementary functions come from mpmath. All three kinds of arrays multiply with ``@``, so the engines are written once.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ class Arithmetic:
         return B
 
     def independent_rows(self, A: Array) -> tuple[Array, int]:
-        """Independent rows of A that span all others, by elimination with complete pivoting.
+        """Independent rows of A that span all other rows, by elimination with complete pivoting.
 
         Parameters
         ----------

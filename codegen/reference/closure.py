@@ -103,7 +103,7 @@ class Cut:
         v = (self.C @ V_e[3:] + wx_e @ self.arm_end) - (V_s[3:] + wx_s @ self.arm_start)
         linear = wx_e @ wx_e @ self.arm_end - wx_s @ wx_s @ self.arm_start - wx_s @ (v + v)
         moving_axes = self.rows @ pairs.block([[-(wx_s @ w)], [linear]])
-        # c rotates with the end: ((w x c) x d) . w beside the term of the start's rotation
+        # c rotates with the end: the term ((w x c) x d) . w, and the term of the start's rotation
         turned = [pairs.constant(np.zeros((len(self.rows.value) - len(self.turning), 1), int))]
         for terms in self.turning:
             rate = pairs.constant([[0]])
@@ -303,7 +303,7 @@ def with_best_dependents(
     """The group with the dependent speeds that have the largest pivots here.
 
     The state is completed with the dependent speeds of the partition. Accelerations do not depend on which joints of a group are
-    solved for, so they need not suffer from a poor choice, such as one with inertias of 1e6 that cancel.
+    solved for, so a poor choice, such as one in which inertias of 1e6 cancel, can be avoided.
     """
     if not group.dependent or not group.independent:
         return group
@@ -328,7 +328,8 @@ def closed_motion(
     own: Sequence[Pair],
     of_faces: Sequence[Pair],
 ) -> Pair:
-    """The dependent speeds (or displacements, in the sense of speeds) that close all loops, (nu, 1); independent ones are zero.
+    """The dependent speeds (or displacements, which correspond to speeds) that close all loops, (nu, 1); entries of
+    independent speeds are zero.
 
     Parameters
     ----------

@@ -19,10 +19,11 @@ c . d is a sine, which also vanishes at half a turn, where the axes point in opp
 sin(t/2) instead, where t is the angle between axes that should be parallel, or of the rotation between faces. At t = 0 the two
 agree to first order. A universal joint is closed in both positions.
 
-A condition on a point is ``f(s) = 0``, with s = R_s^T r the position of the end in the start face. With n = R_s grad f and v' =
-v_e - v_s - w_s x r it has the same row. Its remainder is n . a' + v'^T (R_s H R_s^T) v', with a' the acceleration relative to the
-start face at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s), r . (a_e - a_s) + (v_e - v_s)^2. Both
-are divided by the size of their gradient and by the characteristic length.
+A condition on a point is ``f(s) = 0``, with s = R_s^T r the position of the end in the start face. With n = R_s grad f
+and v' = v_e - v_s - w_s x r it has the same row. Its remainder is n . a' + v'^T (R_s H R_s^T) v', with a' the
+acceleration relative to the start face at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s),
+r . (a_e - a_s) + (v_e - v_s)^2. Conditions on points are divided by the length of their gradient and by the
+characteristic length.
 
 A coupling is ``sum of factor q - offset = 0``. Its Jacobian consists of the factors, and its remainder is zero.
 """
@@ -225,7 +226,7 @@ def _angular(pairs: Pairs, s: Side, e: Side, terms: Turning) -> Row:
 
 
 def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:
-    """A matrix with n rows, with the given rows (len(index), 3) at their indices."""
+    """A matrix with n rows that has the given rows (len(index), 3) at the given indices."""
     result = pairs.zeros(n, 3)
     result[index] = rows
     return result

@@ -108,7 +108,8 @@ class CoupledCut:
 
 
 def coordinate_row(pairs: Pairs, P: Pair, index: int) -> Pair:
-    """p, (1, 6), with ``p P`` one for a coordinate and zero for the joint's other ones; P (6, f) are partial velocities."""
+    """The row p, (1, 6), for which ``p P`` is one for a coordinate and zero for the joint's other coordinates; P (6, f)
+    are partial velocities."""
     G, unit = P.mT @ P, np.eye(P.value.shape[1], dtype=int)[:, [index]]
     y: Array = pairs.arithmetic.solve(G.value, pairs.arithmetic.array(unit))
     columns = [pairs.arithmetic.solve(G.value, -dG @ y) for dG in G.tangent]

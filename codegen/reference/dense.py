@@ -17,10 +17,10 @@ Eqs. 8 and 9 solve the last system for dlambda first. Here both unknowns are sol
 (massless bodies moved by a loop). Eq. 6 is printed with M_,p in front of dudot; it must be M. M, K, Phi_q and the
 quantities that they consist of are pairs, so dM and the other derivatives come directly, one full matrix per direction.
 
-Redundant conditions. The partition gives the dependent speeds and their loops. For each ear (of the ear decomposition of the loop
-graph), the engine uses the combinations of conditions that its dependent speeds can satisfy at the state, and holds these
-combinations fixed in derivatives (docs, 4.7). The other conditions must follow from them, except those that the partition has
-dropped.
+Redundant conditions. The partition gives the dependent speeds and their loops. For each ear (of the ear decomposition
+of the loop graph), the engine uses the combinations of conditions that its dependent speeds can satisfy at the state,
+and holds these combinations fixed in derivatives (docs, 4.7). The other conditions must follow from these combinations,
+except conditions that the partition has dropped.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class DenseEngine(Engine):
         known = self._conditions(state)
         J = known.jacobian.value
         C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
-        # Combinations of the conditions with orthonormal rows, so that the system is as well conditioned as M.
+        # combinations of the conditions with orthonormal rows: the system is then as well conditioned as M
         inverse = LeftInverse(self.arithmetic, (C @ J).T)
         W = pairs.constant(inverse(inverse.Q).T @ C)
         Phi_q, B = W @ known.jacobian, W @ known.remainder
@@ -76,7 +76,8 @@ class DenseEngine(Engine):
         return x[:nu], W.mT @ x[nu : nu + len(C)]
 
     def _accelerated(self, M: Pair, K: Pair, rows: Pair, given: Pair) -> Pair:
-        """udot and the multipliers of conditions ``rows udot = given``: those of loops, and of prescribed motion (Eq. 5)."""
+        """udot and the multipliers of conditions ``rows udot = given``: conditions of loops, and of prescribed motion
+        (Eq. 5)."""
         n = len(rows.value)
         if not n:
             return self._solve(M, K)
@@ -220,7 +221,8 @@ class DenseEngine(Engine):
         return result.value, result.tangent
 
     def _joint_reactions(self, state: State) -> Pair:
-        """Equations of Newton and Euler for everything that a joint carries, about the ground's origin, then about the body's."""
+        """The equations of Newton and Euler for everything that a joint carries, first about the ground's origin, then
+        about the body's."""
         pairs, udot, g = state.pairs, self._accelerations(state), self._gravity(state.pairs)
         frames, freedoms = state_motion = self._motion(state)
         needed: list[tuple[Pair, Pair]] = []
@@ -259,7 +261,8 @@ class DenseEngine(Engine):
         return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
     def _reactions(self, state: State, given: bool = True) -> Pair:
-        """Wrenches on the bodies that the file calls ``to``; or, if not `given`, on the end bodies as the engine orders them."""
+        """Wrenches on the bodies that the file calls ``to``; if not `given`, on the end bodies in the order of the
+        engine."""
         pairs = state.pairs
         if not self.model.loops:
             return pairs.zeros(0, 6)
@@ -437,7 +440,7 @@ class DenseEngine(Engine):
         return found
 
     def _coordinate_rates(self, state: State) -> Pair:
-        """qdot, (nq, 1); for quaternions by their product, edot = e (0, omega)/2."""
+        """The time derivatives qdot, (nq, 1); of quaternions by their product, edot = e (0, omega)/2."""
         pairs, rates = state.pairs, state.pairs.zeros(self.model.nq, 1)
         half, U = pairs.number(1) / pairs.number(2), pairs.eye(3)
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):

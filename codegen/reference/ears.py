@@ -41,7 +41,7 @@ class Group:
 
 
 def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
-    """All bodies in groups, in outward order: a group follows those of its ends. Speeds that are `held` belong to no group."""
+    """All bodies in groups, in outward order: a group follows the groups of its ends."""
     together = DisjointSets(len(model.bodies))
     loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
     for ear in partition.ears:
@@ -97,7 +97,8 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
-        # coupled bodies are resolved together; if they were ends, large inertias that cancel would separate them again
+        # Coupled bodies are resolved together. As ends of an ear, they would again be separated by large inertias that
+        # cancel.
         if isinstance(loop, Coupling):
             found += [term.body for term in loop.terms if term.body not in found]
         for branch in _branches(model, loop.start.body, loop.end.body):
@@ -120,7 +121,7 @@ def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> 
 
 
 def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
-    """Bodies on the paths from two bodies to their last common body, innermost first."""
+    """Bodies on the paths from two bodies inward to the first body that both paths share, innermost first."""
     branches = []
     for k in (start, end):
         branch: list[int] = []

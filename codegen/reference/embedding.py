@@ -15,12 +15,13 @@ the ends: inertias and forces of each end, and couplings between ends, I^{p_i;o_
 i that is resolved earlier, because an ear ends on both, this coupling is propagated in the same way. For a single body of the
 tree H = [S^T | P | 0], and these are Eqs. 44 to 47.
 
-All accelerations are the parts A_bar explicit in udot. That of the ground is zero (Eq. 56), so it needs no terms.
+All accelerations are the parts A_bar explicit in udot. The acceleration of the ground is zero (Eq. 56), so the ground
+needs no terms.
 
-Misprints of the paper: Eqs. 39 and 40 have their left-hand sides exchanged relative to their use in Eqs. 42 to 49. The sum with
-two Gammas continues in Eq. 44, the one with the shift to 0_i in Eq. 43. In Eq. 41 the Xi term is a force and enters with the
-minus of -I A_t, with the sign of F in Eq. 53. Eqs. 42 to 60 use the relative o_i A_bar; A_x is used here instead, so that base
-and branch are treated alike.
+Misprints of the paper: Eqs. 39 and 40 have their left-hand sides exchanged relative to their use in Eqs. 42 to 49. The
+sum with two Gammas continues in Eq. 44, the one with the shift to 0_i in Eq. 43. In Eq. 41 the Xi term is a force and
+enters with the minus of -I A_t, with the sign of F in Eq. 53. Eqs. 42 to 60 use the relative o_i A_bar; A_x is used
+here instead, so that base and branch are treated in the same way.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ class _Inward:
         D_inverse = self._inverse(group, z, H, Y, D)
         h = {x: Z[place, z.y] for x, place in z.ends.items()} | {i: R[:, z.y] for i, R in outside.items()}
 
-        # contribution of the group to its ends, and to other bodies to which its members were coupled ...
+        # the contribution of the group to its ends, and to other bodies to which its members were coupled ...
         for x, place in z.ends.items():
             self.I_hat[x] = self.I_hat[x] + Z[place, place]
             self.F_hat[x] = self.F_hat[x] + f[place]
@@ -144,7 +145,8 @@ class _Inward:
             tau = self.bodies[j].tau
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
-        # rotors act on the speeds of their joints: Y^T a Y of dependent speeds with remainders, a of independent speeds
+        # rotors act on the speeds of their joints: Y^T a Y for dependent speeds, with remainders, and a for independent
+        # speeds
         of_dependent, of_independent = (
             pairs.diagonal(self.rotors[np.array(of, dtype=int)]) for of in (group.dependent, group.independent)
         )

@@ -164,7 +164,7 @@ class AlongLineLaw(Law[AlongLine]):
 
     @staticmethod
     def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:
-        """Value of a formula whose names are those of measures and coefficients."""
+        """Value of a formula; its names are names of measures and coefficients."""
         of = {key: pairs.expression(e) for key, e in zip(element.keys, element.coefficients, strict=True)}
         return Pairs(pairs.arithmetic, pairs.k, measures | of).expression(formula)
 

@@ -102,7 +102,7 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
         Rs = attitudes(pairs, joint, q, A)
         R = Rs[-1]
 
-        # o and the axes, with the angular velocity of the frame in which each of them is fixed
+        # o and the axes, each with the angular velocity of the frame in which it is fixed
         w, l, w_rate, l_rate, points = ([zero] * len(speeds) for _ in range(5))
         point_rates = [zero] * len(speeds)
         omega = parent.omega

@@ -1,4 +1,5 @@
-"""The values of outputs, for both engines, and the data about a model that they need; pairs give the derivatives."""
+"""The values of outputs for both engines, and the data about a model that these values need; pairs give the
+derivatives."""
 
 from __future__ import annotations
 

@@ -191,13 +191,13 @@ class Pairs:
         return Pair(value, tangent)
 
     def where_zero(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
-        """`value()` if x is zero, else `otherwise()`; for symbols, a piecewise expression of both."""
+        """`value()` if x is zero, else `otherwise()`; for symbols, a piecewise expression with both values."""
         if self.arithmetic.symbolic:
             return Pair(self.arithmetic.where_zero(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value == 0 else otherwise()
 
     def where_negative(self, x: Pair, value: Callable[[], Pair], otherwise: Callable[[], Pair]) -> Pair:
-        """`value()` if x is negative, else `otherwise()`; for symbols, a piecewise expression of both."""
+        """`value()` if x is negative, else `otherwise()`; for symbols, a piecewise expression with both values."""
         if self.arithmetic.symbolic:
             return Pair(self.arithmetic.where_negative(x.value, value().value, otherwise().value), self._zero)
         return value() if x.value < 0 else otherwise()
@@ -239,7 +239,8 @@ class Pairs:
         return self._known[key][1]
 
     def _with_limits(self, tree: Tree) -> Pair:
-        """Evaluates a tree whose derivatives may be infinite; they count only along directions that change its operands."""
+        """The value of a tree whose derivatives may be infinite; such a derivative counts only along directions that
+        change its operand."""
         tangent = self._zero
         for leaf in leaves(tree):
             along = self.environment[leaf[1]].tangent

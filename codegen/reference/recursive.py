@@ -244,8 +244,8 @@ class RecursiveEngine(Engine):
     def _displacements(self, state: State) -> Array:
         """Dependent displacements that close the loops, given the displacements due to parameters and independent seeds.
 
-        With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies. The displacement of a
-        body relative to its parent is its own part.
+        With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies. The part of
+        a body's displacement that is relative to the parent is called its own.
         """
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
@@ -285,7 +285,8 @@ class RecursiveEngine(Engine):
             b, rows = bodies[k], model.coordinate_slices[k][1]
             A_bar[k] = b.S.mT @ A_bar[model.bodies[k].parent] + b.P @ explicit[rows]  # Eq. 54
 
-        # Phi: the wrench that joint k transmits, for the body's own motion first, then for its children's.
+        # Phi is the wrench that joint k transmits: first for the body's own motion, then also for the motion of its
+        # children.
         Phi = [b.I @ A - b.F for b, A in zip(bodies, A_bar, strict=True)]
         result = pairs.zeros(model.nu, 1)
         for k in reversed(model.outward):

@@ -1,7 +1,7 @@
 """``ordernm report``: speed and accuracy of one model, as a page that anyone can reproduce.
 
-`measuring` defines what is measured and in which order. Each part has a file of its own, which returns plain numbers. `figures`
-draws them, and `pages` prints them as HTML, Markdown and JSON.
+`measuring` defines the measurements and their order. Each part has a file of its own, which returns plain numbers.
+`figures` draws them, and `pages` prints them as HTML, Markdown and JSON.
 """
 
 from typing import TYPE_CHECKING

@@ -13,14 +13,14 @@ from ..ending import Failure
 from ..measure.core import FIXED_WORK
 
 SPREAD = 0.15
-"""Times of two runs agree if their ranges overlap after each is widened by this fraction. A range goes from the least time to
-the 90th percentile over several processes. If the core or its caches were slower in one run, by the fixed work timed beside,
-the lower end of its range is reduced by `slowed`."""
+"""Times of two runs agree if their ranges overlap after each is widened by this fraction. A range goes from the least
+time to the 90th percentile over several processes. If the fixed work shows that the core or its caches were slower in
+one run, the lower end of the range of that run is reduced by `slowed`."""
 
 MOST_SLOWED = 2.0
-"""Exponent: code that shares its core with other processes loses up to the square of what the fixed work loses. On two AVX2
-cores of a virtual machine, fixed work took 1.6 times as long. So did most functions; long code and long arrays took up to
-2.5 times as long."""
+"""Exponent: other processes on the core slow code down by up to the square of the factor by which they slow the fixed
+work. On two AVX2 cores of a virtual machine, fixed work took 1.6 times as long. So did most functions; long code and
+long arrays took up to 2.5 times as long."""
 
 DIGITS = 1e-9
 """Relative tolerance of numbers. Results on one machine are equal except for the last digits of LAPACK results."""
@@ -43,7 +43,8 @@ MEASURED = {
     "written",
     "files",
 }
-"""Keys that are not compared entry by entry: dates, times that were taken once, and parts with a comparison of their own."""
+"""Keys that are not compared entry by entry: dates, times that were taken once, and parts that are compared
+separately."""
 
 NOTABLE = 1.1
 """Ratio of the fixed work from which a slower core is reported."""
@@ -109,7 +110,8 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
 
 
 def incomparable(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """Why two reports cannot be compared, from their entries ``model`` and ``machine``; empty if they can."""
+    """Reasons why two reports cannot be compared, from their entries ``model`` and ``machine``; empty if they can
+    be."""
     if one["model"] != other["model"]:
         return f"the reports are of different models, {one['model']} and {other['model']}"
     elsewhere = [k for k in SAME_MACHINE if one["machine"][k] != other["machine"][k]]
@@ -142,7 +144,7 @@ class Beside:
 
 
 def slowed(beside: Beside, other: Beside) -> float:
-    """Ratio by which times may be longer than in another run, from the times of the fixed work in both runs."""
+    """Ratio by which times may be longer than in another run, from the times that the fixed work took in both runs."""
     return beside.slower(other) ** MOST_SLOWED
 
 
@@ -185,7 +187,8 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
-    """Differences of errors at states and directions in both reports; the time of the reference limits their number."""
+    """Differences between the errors at states and directions that both reports have; the time of the reference limits
+    their number."""
     a, b = ({e["state"]: e for e in x.get("errors") or []} for x in (one, other))
     for state in (s for s in a if s in b):
         for key in (k for k in a[state] if k in b[state]):
@@ -214,7 +217,7 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a time in seconds, with the seconds of the fixed work beside it."""
+    """Range of a time in seconds, and the seconds of the fixed work that was timed beside it."""
 
     low: float
     high: float

@@ -119,7 +119,7 @@ def _is_curved(solver: Solver, state: State, seeds: dict[str, Array], h: float, 
 
 
 def _moved(solver: Solver, state: State, seeds: dict[str, Array], h: float) -> Array | None:
-    """udot after a step, with the loops closed again; None if they do not close."""
+    """udot after a step, with the loops closed again; None if the loops do not close."""
     p = solver.parameters + h * seeds["dp"][0] if "dp" in seeds else solver.parameters
     q = state.q + h * seeds["dq"][0] if "dq" in seeds else state.q
     u = state.u + h * seeds["du"][0] if "du" in seeds else state.u

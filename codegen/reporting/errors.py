@@ -35,7 +35,7 @@ MOST_PARAMETERS, MIXED = 16, 3
 
 VANISHING = 1e-12
 """Below this fraction of its natural size, a derivative is zero except for the rounding of the state. An example is the
-derivative with respect to the speeds of a parallelogram, whose links rotate alike."""
+derivative with respect to the speeds of a parallelogram, since its links rotate equally."""
 
 MOST_COLUMNS = 60
 """Largest number of columns for which Jacobians and a gradient are compared."""

@@ -68,7 +68,7 @@ def write_gallery(
             rows.append(row(file.stem, report(file, target / file.stem, request=request, force=force)))
         except FAILURES as error:
             failed[file.stem] = str(error)
-        _write(folder, target, rows, failed)  # after each model, so that finished reports can be read
+        _write(folder, target, rows, failed)  # written after each model, so that finished reports can be read
     return failed
 
 

@@ -210,7 +210,7 @@ def _times(
 
 
 def _points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
-    """Points of a roofline: udot and sensitivities, at their least times in C."""
+    """Points of a roofline for udot and sensitivities, from their least times in C."""
     of = (
         ("udot", "accelerations", 0),
         ("udot + 1 direction", "sensitivities", 1),
@@ -222,8 +222,8 @@ def _points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
 def _compile(folder: Path, *apart: str) -> float:
     """Compile all partitions of a package, in parallel with separately compiled files; return the seconds of the first partition.
 
-    The first partition has all functions in one library: a report calls nearly all of them, and they share most of the code. The
-    other partitions are used only for motions.
+    The first partition has all functions in one library: a report calls nearly all functions, and these share most of
+    the code. The other partitions are used only for motions.
     """
     manifest = read_manifest(folder)
     parts = [manifest, *manifest.get("others", [])]

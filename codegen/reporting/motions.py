@@ -58,7 +58,7 @@ EXACT = 1e-11
 """Error below which a motion at the loosest tolerance of a method counts as exact except for rounding."""
 
 FACTORS = 20
-"""Least number of factorisations of an implicit method; if they cost too much, the method is left out."""
+"""Least number of factorisations of an implicit method; the method is left out if these cost too much."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """Number of settings of all methods in a diagram."""
@@ -114,7 +114,7 @@ def motions(
             return None
     implicit = FACTORS * _factoring(solver) <= COSTLIEST
     stiff = implicit and _cost(solver, probe, names) > LONGEST
-    if stiff:  # an explicit method needs too many steps, so the implicit one gives the reference
+    if stiff:  # an explicit method needs too many steps, so the reference is by the implicit method
         probe = motion(solver, Setting(end, names, "radau", 1e-6))
     end = _affordable_end(solver, probe, names, end, skipped)
     method = "radau" if stiff else "dop853"
@@ -140,8 +140,8 @@ def motions(
 def _known(
     solver: Solver, names: Sequence[str], method: str, end: float, found: dict[str, Any], skipped: list[Skipped]
 ) -> tuple[float, float, Trajectory] | None:
-    """The final time, s, up to which a motion is accurate, with the tolerance of the reference and the reference; None if
-    there is none."""
+    """The final time, s, up to which a motion is accurate; the tolerance of the reference; and the reference motion.
+    None if there is none."""
     while True:
         reference, best, beside = _reference(solver, end, names, method)
         if isinstance(best, str) or isinstance(beside, str):
@@ -200,7 +200,7 @@ def sensitivities(model: Model) -> list[str]:
 
 
 def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
-    """All points of the diagrams of `motions`, with the settings that repeat their motions."""
+    """All points of the diagrams of `motions`, each with the setting that repeats its motion."""
     end, names = found["end"], found["sensitivities"]
     return [
         (p, Setting(end, names, method, FIXED_TOLERANCE, round(end / p["setting"])))
@@ -232,8 +232,8 @@ def _reference(
 def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, float]:
     """Relative errors at the end: of the state (the larger of coordinates and speeds), and of the worst derivative.
 
-    Errors of derivatives that vanish except for rounding are relative to a natural size: with it, a change of a quantity by its
-    own value (in `values`) changes the state by as much as itself.
+    Errors of derivatives that vanish except for rounding are relative to a natural size: with a derivative of that
+    size, a change of a quantity by its own value (in `values`) would change the state by as much as the state itself.
     """
 
     pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
@@ -267,7 +267,7 @@ def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str
 
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
-    """Operations of a motion: those of its evaluations, and of Jacobians and factorisations of an implicit method."""
+    """Operations of a motion: its evaluations, and for an implicit method the Jacobians and factorisations."""
     found = float(x.stats["evaluations"]) * evaluation(solver, names)
     if "factorizations" in x.stats:
         found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", solver.nq + solver.nu)

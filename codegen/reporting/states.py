@@ -78,7 +78,7 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
             worst, worst_condition = s, c
     if worst is not None:
         found.append(State("worst condition", worst.q, worst.u, worst.inputs, worst.t))
-    return found + ordinary[1:]  # a reference without time for all states takes the first ones
+    return found + ordinary[1:]  # if the reference has no time for all states, it takes the first ones
 
 
 def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEARCHED) -> Iterator[State]:

@@ -1,4 +1,4 @@
-"""Problems that other programs solve, too: all programs take turns in one run."""
+"""Problems that other programs also solve: all programs take turns in one run."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ Call = Callable[[], Any]
 def measure_robots(
     problem: Robots, folder: Path, quick: bool, progress: Callable[[str], None], budget: float
 ) -> dict[str, Any]:
-    """Errors and times of every robot whose file can be read, and reasons for the others."""
+    """Errors and times of every robot whose file can be read, and the reasons why other robots were not measured."""
     rows: list[dict[str, Any]] = []
     skipped: dict[str, str] = {}
     there = importlib.util.find_spec("pinocchio") is not None

@@ -34,7 +34,7 @@ bodies:
 DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
 """A straight chain that turns as one body has no derivative with respect to its speeds."""
 ALL_TO, SOME = 100, 20
-"""Largest chain in which every joint has directions of its own, for its angle and its speed; number of such joints in longer
+"""Largest chain in which each joint gives two directions, its angle and its speed; number of such joints in longer
 chains."""
 
 
