@@ -1,4 +1,5 @@
-"""Parts of a package for C programmers besides the functions: indices by name, defaults, initial state, an example program."""
+"""Parts of a package for C programmers besides the functions: indices by name, default values, initial state, and an
+example program."""
 
 from __future__ import annotations
 
@@ -45,7 +46,8 @@ def _some(names: Sequence[str], limit: int = 12) -> str:
 
 
 def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
-    """The enum ``NAME_Q_crank = 0`` ...; dots in names become ``_``, and names that then coincide are left out."""
+    """The enum ``NAME_Q_crank = 0`` ...; a dot in a name becomes ``_``. Names that coincide after this change are left
+    out."""
     outputs = [o.name for o in model.outputs] if any("output" in name for name in manifest["functions"]) else []
     sorts = [
         ("Q", model.coordinate_names), ("U", model.speed_names), ("P", model.parameter_names), ("INPUT", model.inputs),

@@ -80,7 +80,7 @@ def _problem(text: object) -> None:
 
 
 def _tolerate_terminal() -> None:
-    """Terminals without Unicode show ``?``, and closed streams are replaced, so that neither causes an error."""
+    """Avoids errors on output: terminals without Unicode show ``?``, and closed streams are replaced."""
     for name, mode in (
         ("stdin", "r"),
         ("stdout", "w"),
@@ -292,7 +292,7 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
 
 
 def _be_short_lived(command: str) -> None:
-    """Disables garbage collection in commands, which end soon; it took a third of their time.
+    """Disables garbage collection, which took a third of the time of a command; commands end soon.
 
     Also disables Pydantic's search for plugins in installed packages, and threads of NumPy in commands with small matrices only.
     """
@@ -358,7 +358,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _forget_output() -> None:
-    """Redirects stdout, so that its remaining content causes no error at the end of the process."""
+    """Redirects stdout to the null device, so that text still in its buffer causes no error when the process ends."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -1,4 +1,4 @@
-"""Imports names of a package at their first use."""
+"""Imports of names of a package, deferred until a name is first used."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module

@@ -21,7 +21,7 @@ EXTRAS = {
     "mjcf": (("mujoco",), "import of MJCF"),
     "completion": (("shtab",), "completion of commands in shells"),
 }
-"""Optional extras of the package ordernm: the modules that each installs, and their purpose."""
+"""Optional extras of the package ordernm; for each, the modules that it installs, and the purpose of these modules."""
 
 NOT_THERE = "missing"
 
@@ -56,7 +56,7 @@ def _self() -> list[str]:
 
 
 def _compiler() -> list[str]:
-    """The compiler with its flags and the instructions that it uses."""
+    """Lines about the C compiler: its command, its flags, and the instruction set for which it compiles."""
     from .measure.machine import machine
     from .runtime.standalone.errors import CompileError, NoCompilerError
 

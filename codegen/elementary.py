@@ -4,10 +4,10 @@ The parser, both targets, both reference engines, extended precision, sympy, all
 the unit checks use these entries. A new smooth function of one number needs one more line of `TABLE`, and a line in
 docs/model_format.md.
 
-A derivative is a Python function ``(f, y, x)`` or ``(f, y, a, b)`` of a namespace, the value and the arguments. It uses operators
-and functions of the namespace, such as ``f.cos(x)``, so it works for floats, arrays, decimal numbers, symbols and trees.
-Constants are written so that they are exact for all of these: pi is ``4*f.atan(1)``. The factors of a product under a root are
-not negative within the domain.
+A derivative is a Python function ``(f, y, x)`` or ``(f, y, a, b)`` of a namespace, the value and the arguments. The
+derivative uses operators and functions of the namespace, such as ``f.cos(x)``, so it works for floats, arrays, decimal
+numbers, symbols and trees. Constants are formulas that are exact in every namespace: pi is ``4*f.atan(1)``. The factors
+of a product under a root are not negative within the domain.
 """
 
 from __future__ import annotations
@@ -192,7 +192,8 @@ ELEMENTWISE: Final = tuple(e.name for e in TABLE.values() if not e.spelled("nump
 
 
 def named(where: str, wanted: Callable[[Elementary], bool] = lambda e: True) -> tuple[str, ...]:
-    """Names of functions in a language, see `Elementary.spelled`: of all functions that the language has, or of selected ones."""
+    """Names in a language (see `Elementary.spelled`) of all functions that the language has, or of selected
+    functions."""
     return tuple(e.spelled(where) for e in TABLE.values() if e.spelled(where) and wanted(e))
 
 

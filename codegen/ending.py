@@ -1,4 +1,4 @@
-"""The end of a command: its exit code, and signals, which are deferred while it writes its results."""
+"""The end of a command: exit codes, and signals, which are deferred while the command writes its results."""
 
 from __future__ import annotations
 

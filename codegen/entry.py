@@ -1,4 +1,5 @@
-"""Entry points of the commands. They import the commands here, so that Ctrl-C during the import causes no traceback."""
+"""Entry points of the commands. These functions import the commands, so that Ctrl-C during the import causes no
+traceback."""
 
 import sys
 

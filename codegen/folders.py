@@ -1,9 +1,10 @@
-"""The folder of a package: refused if it contains foreign files, replaced as a whole, restored after a kill.
+"""The folder of a package: it is refused if it contains foreign files, replaced as a whole, and restored after a kill.
 
-A package is written to a hidden folder beside the target, and then exchanged with it in one step, so that there is always a
-complete package. If the system cannot exchange folders, the old one is moved away first. A kill between the two moves leaves it
-under its hidden name, and the next run moves it back. The writer holds a lock on its hidden folder, which the system releases
-when the process ends; so leftovers can be distinguished from folders in use.
+A package is written to a hidden folder beside the target, and then exchanged with it in one step, so that there is
+always a complete package. If the system cannot exchange folders, the old folder is first moved to a hidden name. A kill
+between the two moves leaves the old folder under this name, and the next run moves it back. The writer holds a lock on
+its hidden folder, which the system releases when the process ends; so leftovers can be distinguished from folders in
+use.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ def _refuse_unwritable(folder: Path) -> None:
 
 
 def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) -> bool:
-    """Writes a package as a whole: it is completed in a hidden folder, then moved to its place.
+    """Writes a package as a whole: all files are written to a hidden folder, which is then moved to its place.
 
     Returns False if the folder already contains the same files; it then keeps its compiled library. If only files have changed
     that are not compiled, libraries are kept. Files named in `keep` stay, unless a new file has the same name.
@@ -168,7 +169,7 @@ def _keep_libraries(old: Path, new: Path) -> None:
 
 
 def _keep_others(old: Path, new: Path, names: Sequence[str]) -> None:
-    """Copies files and folders, except those that exist in the new folder."""
+    """Copies named files and folders to the new folder, except those that exist in it."""
     for name in names:
         source, target = old / name, new / name
         if os.path.lexists(target) and not source.is_dir():
@@ -227,7 +228,7 @@ def _locked(folder: Path) -> Iterator[bool | None]:
 
 @contextlib.contextmanager
 def _workshop(folder: Path) -> Iterator[Path]:
-    """A locked hidden folder beside `folder`, removed at the end with its contents."""
+    """A locked hidden folder beside `folder`, which is removed with its contents at the end."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     for _ in range(ATTEMPTS):
         place = _beside(folder, "new")

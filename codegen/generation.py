@@ -30,9 +30,9 @@ LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
-"""Maximum number of random states, until enough of them have defined forces."""
+"""Maximum number of random states that are drawn until `CHECK_STATES` of them have defined forces."""
 CHECK_LIMIT = 200
-"""Larger models, by number of bodies, are not compared with the generic engine, which is slow."""
+"""Models of more bodies are not compared with the generic engine, which is slow."""
 
 
 def generate(
@@ -220,7 +220,7 @@ def _compile(
 def add_others(
     model: Model, layout: str, source: Any, partitions: int, progress: Progress = silent, **chosen: Any
 ) -> None:
-    """Adds the solvers of other partitions, as many as exist, to the files and the manifest of the first one.
+    """Adds the solvers of other partitions, `partitions` in all, to the files and the manifest of the first solver.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 
 def package_files(source: Any, target: str, origin: dict[str, str] | None) -> dict[str, str]:
-    """The files of a package besides the solver's source; `origin` is the model file, if there is one."""
+    """The files of a package, except the solver's source, by name. `origin` is the model file, if there is one."""
     from .emit.repetition import json_text
     from .emit.templates import render
     from .runtime.sections import carried_files
@@ -365,7 +365,8 @@ def _drawn(model: Model, solver: Solver, initial: Any, rng: Any) -> tuple[tuple[
 def _errors(
     model: Model, solver: Solver, engine: RecursiveEngine, state: tuple[Any, ...], seeds: dict[str, Any]
 ) -> dict[str, float] | str:
-    """Largest relative errors at a state; or the reason why they are not available, empty if a force is undefined there."""
+    """Largest relative errors at a state, or the reason why they cannot be computed; empty text if a force is
+    undefined."""
     import numpy as np
 
     from .runtime import AssemblyError, SingularJointError
@@ -394,7 +395,7 @@ def _errors(
         expected = [np.asarray(x) for x in of_engine]
     if not all(np.isfinite(x).all() for x in expected):
         return ""  # a force such as log(q.a - 1) is undefined there
-    # if large terms cancel in a derivative, the errors are relative to udot and the other directions
+    # where large terms cancel in a derivative, errors are relative to udot and to derivatives along other directions
     floors = 1e-6, max(1e-6, 1e-3 * max(float(np.max(np.abs(y), initial=0.0)) for y in expected))
     found = {}
     for name, x, y, floor in zip(("udot", "dudot"), given, expected, floors, strict=False):

@@ -1,7 +1,7 @@
 """Jumps of functions of time, given as expression trees, and of their rates; for the model reader and generated packages.
 
 A function with branches may jump, or have a kink, where a switching function is zero, such as ``t - 0.5`` in ``max(0, t - 0.5)``.
-There it is evaluated from both sides, with the branches of each side.
+At such a time, the function is evaluated from both sides, with the branches of each side.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NEAR_BY = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
 """Distances at which nearby values are evaluated, in s, or relative for later times."""
 
 Pair = tuple[Any, Any]
-"""A pair of values and their rates: numbers or arrays."""
+"""A value and its rate, both numbers or both arrays."""
 
 Known = Callable[[Array], Mapping[str, Pair]]
 """Returns values and rates of variables at given times."""
@@ -43,7 +43,8 @@ class Jump(NamedTuple):
 
 
 def switched(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
-    """Nodes of a tree that may not be smooth, with their switching functions; each once, inner ones first."""
+    """Nodes of a tree at which the function may not be smooth, with their switching functions; each node once, inner
+    nodes first."""
     seen: set[Tree] = set()
 
     def of(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
@@ -65,9 +66,10 @@ def switched(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
 
 
 def zeros(s: Tree, known: Known, times: Array, end: float, most: int | None = None) -> Iterator[float]:
-    """Zeros of a switching function from the first of the times to `end`, including those without a change of sign.
+    """Zeros of a switching function from the first of the times to `end`, including zeros without a change of sign.
 
-    Linear functions are solved. Others are evaluated at the times; `most` is the largest number of changes of sign.
+    Zeros of linear functions are exact; other functions are evaluated at the times. `most` limits the number of changes
+    of sign.
     """
 
     def f(t: Array) -> Array:
@@ -129,7 +131,7 @@ def changes(f: Callable[[Array], Array], t: Array, most: int | None = None) -> I
 
 
 def jumps(tree: Tree, known: Known, t: Array) -> list[Jump]:
-    """Jumps of a function or, where it has none, of its rate, in the order of the times."""
+    """Jumps of a function in the order of the times; where the function does not jump, jumps of its rate."""
     found: dict[int, Jump] = {}
     for order in (0, 1):
         before, after = (_beside(tree, known, t, side, order) for side in (-1.0, 1.0))

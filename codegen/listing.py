@@ -16,8 +16,8 @@ from .model.outputs import MEASURES
 from .summary import counted
 
 FEW, FIRST = 40, 10
-"""Sections with at most `FEW` entries are shown completely, longer ones with their first `FIRST` entries. If there are more than
-`FEW` bodies, equal ones share a line."""
+"""Sections with at most `FEW` entries are shown completely, longer ones with their first `FIRST` entries. If there are
+more than `FEW` bodies, equal bodies share a line."""
 LEVELS = 12
 """Maximum number of indentation levels of the tree."""
 LONG = 32
@@ -160,7 +160,7 @@ class _Listing:
         return self.section("body", entries)
 
     def element(self, e: ForceElement) -> str:
-        """A force element on bodies: attachment points, and coefficients by their keys."""
+        """The line of a force element on bodies: attachment points, and coefficients by their keys."""
         ends = [self.face(x) if isinstance(x, Face) else self.point(x) for x in e.ends]
         where = f"from {ends[0]} to {', '.join(ends[1:])}" if len(ends) > 1 else f"on {', '.join(ends)}"
         about = f" about {self.axis(e.axis)}" if e.axis else ""
@@ -283,7 +283,7 @@ def list_package(folder: Path, verbose: bool = False) -> list[str]:
 
 
 def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
-    """The methods of a package's Solver, and those left out, if not all were generated."""
+    """Lines about the methods of a package's Solver, and the methods left out if not all functions were generated."""
     made = list(dict.fromkeys(f.get("member", name) for name, f in manifest["functions"].items()))
     left_out = manifest.get("left_out", ())
     if not left_out and not verbose:

@@ -210,13 +210,14 @@ def _singular_outputs(system: System) -> dict[str, Any]:
 
 
 def _of_free(system: System, q: tuple[float, ...]) -> list[float]:
-    """Coordinates that are not prescribed, from those of the model without prescribed motion."""
+    """Values of the coordinates that are not prescribed, from the values q of all coordinates."""
     model = system.model
     return [x for x, name in zip(q, model.released.coordinate_names, strict=False) if name not in model.motion]
 
 
 def _closures(system: System) -> dict[str, Any]:
-    """Loops that are closed together, their dependent speeds and characteristic lengths, m."""
+    """Groups of loops that are closed together, with the dependent speeds and the characteristic length (m) of each
+    group."""
     if system.partition is None:
         return {}
     ears = system.partition.ears
@@ -229,8 +230,8 @@ def _closures(system: System) -> dict[str, Any]:
 
 
 def _redundancy(system: System) -> dict[str, Any]:
-    """Dropped conditions, redundant conditions that a parameter may open, and these parameters; empty without such parameters
-    and conditions."""
+    """Loop conditions that were dropped as redundant, retained redundant conditions, and the parameters by which a
+    redundant condition may be violated; empty if there are none."""
     chosen, model = system.partition, system.model
     if chosen is None:
         return {}
@@ -244,7 +245,8 @@ def _redundancy(system: System) -> dict[str, Any]:
 
 
 def _bodies(model: Model, functions: Mapping[str, Any]) -> dict[str, Any]:
-    """Names of bodies, points with their bodies (-1 is the ground) and default places, and data for views; only with frames."""
+    """Names of bodies, points with their bodies (-1 is the ground) and default places, and data for views. Empty for
+    packages without functions for frames."""
     if FRAMES_LIBRARY not in map(library_of, functions):
         return {}
     points = [

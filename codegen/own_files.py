@@ -12,7 +12,7 @@ from .runtime.standalone.files.whole_file import MARK
 MARKS = (
     MARK.encode(), b"ordernm wrote this file, and replaces it when told to write it again", b'"format": "ordernm trajectory"',
 )  # fmt: skip
-"""Marks in files of ordernm: the current one, the former one, and that of trajectories."""
+"""Texts by which files of ordernm are recognised: the current mark, the former mark, and the mark of trajectories."""
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

@@ -20,8 +20,8 @@ else:
     def dataclass(cls=None, /, *, eq=True, frozen=False, **options):
         """Like `dataclasses.dataclass`, with two differences.
 
-        For a `frozen` class, type checkers report assignments to attributes, but nothing prevents them at run time; it is
-        hashable all the same. There are no order comparisons.
+        Attributes of a `frozen` class can be assigned at run time, although type checkers report the assignment; the
+        class is hashable all the same. The option `order` does not exist.
         """
         if cls is None:
             return partial(dataclass, eq=eq, frozen=frozen, **options)
@@ -39,7 +39,7 @@ else:
         return f"{type(self).__qualname__}({', '.join(values)})"
 
     def _comparing(made, frozen):
-        """Comparison of instances by a tuple of their values, and a hash for frozen classes."""
+        """The methods ``__eq__``, which compares tuples of all values, and ``__hash__``, for frozen classes."""
         names = [f.name for f in fields(made) if f.compare]
         values = attrgetter(*names) if names else lambda self: ()
 

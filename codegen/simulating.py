@@ -199,7 +199,8 @@ def _with_choices(
     moved: Callable[[Solver], Trajectory],
     stack: contextlib.ExitStack,
 ) -> Trajectory:
-    """The motion; if it ends at a dead point, it is repeated with more choices of independent coordinates."""
+    """The simulated motion. If it ends at a dead point, the motion is repeated with more choices of independent
+    coordinates."""
     with _remarks(remarks):
         model = read(options.model, status)
         solver = stack.enter_context(solver_of(model, status))
@@ -244,7 +245,7 @@ def motion_errors() -> Iterator[None]:
     except (CompileError, NoCompilerError):
         raise
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:
-        # LinAlgError and AssemblyError are ValueErrors, so they are caught first
+        # caught before ValueError, of which LinAlgError and AssemblyError are subclasses
         raise MotionError(str(error)) from None
     except (ValueError, KeyError, AttributeError) as error:  # an AttributeError: the package has no method simulate
         raise RequestError(str(error)) from None
@@ -366,7 +367,8 @@ def _positive(option: str, value: float) -> float:
 
 
 def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajectory], object]]]:
-    """The files to write, with functions that write them; RequestError or ImportError if this is impossible."""
+    """The files to write, with functions that write them; raises RequestError or ImportError if a file cannot be
+    written."""
     from .runtime.standalone.trajectory import files as trajectory_files
     from .runtime.standalone.trajectory import plot as trajectory_plot
 

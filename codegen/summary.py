@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 SHOWN = 20
-"""Maximum number of warnings in a report; of lines about loops, half of it. The report counts the lines left out."""
+"""Maximum number of warnings in a report, and twice the maximum number of lines about loops. The report counts the
+lines left out."""
 
 
 @dataclass(slots=True, repr=False)
@@ -151,7 +152,7 @@ class Report:
         return lines + [f"  {remark}" for remark in self.remarks]
 
     def _operations(self) -> list[str]:
-        """The cost of accelerations and their derivatives, if the solver has them."""
+        """Lines about the cost of accelerations and their derivatives, if the solver has these functions."""
         lines, n, udot = [], max(self.links, 1), 0
         if "accelerations" in self.sweeps:
             udot = self.flops("accelerations")
@@ -190,13 +191,13 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def first(lines: Iterable[object], limit: int, more: str) -> list[str]:
-    """The first `limit` lines, and the number of further ones."""
+    """The first `limit` lines; a last line tells the number of further lines."""
     found = [str(line) for line in lines]
     return found if len(found) <= limit else [*found[:limit], more.format(len(found) - limit)]
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> list[str]:
-    """Rows as aligned lines; if these are wider than `width`, each row becomes a list of named entries."""
+    """Lines of an aligned table; if the table is wider than `width`, each row becomes a list of named entries."""
     cells = [[str(x) for x in row] for row in (header, *rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     if width is None or sum(widths) + 2 * len(widths) + 1 <= width:

@@ -63,7 +63,7 @@ def wrapped(line: str, columns: int | None) -> list[str]:
 
 
 def write_lines(lines: Iterable[str], stream: TextIO | Any, styles: Iterable[str] = ()) -> None:
-    """Prints lines, wrapped on terminals; the first ones in the given styles (see `STYLES`)."""
+    """Prints lines, which are wrapped on terminals; the first lines have the given styles (see `STYLES`)."""
     columns, colour = width(stream), can_colour(stream)
     for line, style in itertools.zip_longest(lines, styles, fillvalue=""):
         for part in wrapped(line, columns):

@@ -1,4 +1,4 @@
-"""Selects the files of the run time for a package: those that the methods of its `Solver` need, with their imports."""
+"""Selects the files of the run time that a package contains: those that its `Solver` needs, with their imports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STANDALONE = Path(__file__).parent / "standalone"
 """The run time; it imports only the standard library, NumPy, cffi and modules of `SHARED`."""
 
 SHARED = Path(__file__).parents[1]
-"""Folder of modules of the lowest layers, which the run time imports and packages contain, too."""
+"""Folder of modules of the lowest layers. The run time imports these modules, so packages contain them, too."""
 
 MOTION = Path(__file__).parent / "motion"
 """The integrators in C, for packages with functions for integration over time."""
@@ -40,7 +40,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
     "views": ("display",), "motions": ("state_rates",), "precision": (),
 }  # fmt: skip
-"""Sections of `standalone.solver.Solver`, and the functions or other keys of a manifest that require them."""
+"""Sections of `standalone.solver.Solver`, each with the functions or other keys of a manifest that require it."""
 
 PARTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
@@ -48,13 +48,13 @@ PARTS: dict[str, tuple[str, ...]] = {
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
     "calls.on_threads": ("over_states",), "display.views": ("display",),
 }  # fmt: skip
-"""Modules that others import, and C files, that are included only if a manifest contains one of these keys."""
+"""Modules and C files that a package contains only if its manifest contains one of these keys."""
 
 TOGETHER = ("statics", "first-order equations", "state.loop_forces")
-"""Entries of both tables that require all of their keys."""
+"""Entries of both tables for which a manifest must contain all of the keys."""
 
 ANYWAY = ("weighted gradients", "outputs")
-"""Sections that are included without these functions, too, unless the user selected functions without them."""
+"""Sections that are also included if the manifest lacks these functions, except in packages of selected functions."""
 
 ALWAYS = ("errors", "state.derivatives")
 """Modules that the ``__init__.py`` of every package imports in addition to its solver."""

@@ -24,7 +24,7 @@ ENTRIES = {
     "Coordinates": "coordinate_names", "Speeds": "speed_names", "Parameters": "parameter_names", "Inputs": "input_names",
     "Outputs": "output_names",
 }  # fmt: skip
-"""Types of mappings from names to numbers, and the keys of their names in a manifest."""
+"""Types of mappings from names to numbers; for each type, the key under which a manifest lists these names."""
 
 MAPPINGS = {
     **dict.fromkeys(("q", "dq", "dq0", "weights_q"), "Coordinates"),
@@ -35,8 +35,8 @@ MAPPINGS = {
 """Mapping types by argument, or by method and argument."""
 
 NAMES = {"linearize.outputs": ("OutputName", "output_names"), "Bodies": ("BodyName", "bodies")}
-"""Arguments that are names, by method and argument or by their type in `Solver`: their type in the stub, and the key of these
-names in a manifest."""
+"""Arguments that are names of the model, by method and argument or by type in `Solver`. For each: its type in the stub,
+and the key under which a manifest lists the names."""
 
 PLAIN = {
     "Points": "Any", "Times": "ArrayLike", "Times | None": "ArrayLike | None",
@@ -71,7 +71,7 @@ def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:
 
 @functools.lru_cache(8)
 def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
-    """The public methods of `Solver` in selected sections, and those of all solvers."""
+    """The public methods that all solvers have, and those of `Solver` in selected sections."""
     found = []
     for text in (carried_text("calls.package"), solver_text(sections)):
         text = re.sub(r'""".*?"""', '""', text, flags=re.DOTALL)
@@ -84,7 +84,7 @@ def _methods(sections: tuple[str, ...]) -> tuple[ast.FunctionDef, ...]:
 
 @functools.cache
 def _settings() -> dict[str, str]:
-    """Default settings of motions, by the names of their constants."""
+    """Default settings of motions: the text of each constant by its name."""
     return dict(re.findall(r"^([A-Z_]+) = (\S+)$", carried_text("motion.settings"), re.MULTILINE))
 
 

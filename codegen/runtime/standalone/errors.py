@@ -25,7 +25,7 @@ class NoCompilerError(RuntimeError):
 
 
 class _Remembering(Exception):
-    """An error with attributes beside its message that survives pickling, as in a pool of processes."""
+    """An error whose attributes, besides the message, are kept when it is pickled, as in a pool of processes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (type(self), str(self)), self.__dict__

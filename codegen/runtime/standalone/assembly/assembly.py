@@ -91,7 +91,7 @@ class Assembly:
         self.placing = (*package["parameter_names"], *((*package["input_names"], "t") if self.timed else ()))
 
     def _followed_coordinates(self, opened: Opened, independent: set[str]) -> Indices:
-        """The independent coordinates, without those of joints that also have dependent speeds."""
+        """Indices of the independent coordinates, except coordinates of joints that also have dependent speeds."""
         speeds = opened.manifest["speed_names"]
         moved = {speeds[s] for c in opened.manifest.get("closures", ()) for s in c["dependent"]}
         shared = {name.rpartition(".")[0] for name in moved if name not in self.coordinates}
@@ -134,7 +134,8 @@ class Assembly:
         return self.timed or any(abs(numbers[i] - initial) > far for i, initial, far in self._independents)
 
     def close(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
-        """Closes the loops of n guesses: coordinates (n, nq). `called` are the indices of the states in their batch.
+        """Closes the loops of n guesses; returns their coordinates (n, nq). `called` are the indices of the guesses in
+        the batch.
 
         Raises
         ------
@@ -405,8 +406,8 @@ class Assembly:
         return AssemblyError(loop, size, where, loop in self.couplings, tolerance=tolerance)
 
     def _warn_of_redundant(self, gaps: Array, called: Sequence[tuple[int, ...]]) -> None:
-        """Warns of retained conditions (n, m) that stay open: at these parameters they are redundant only within
-        `loop_tolerance`."""
+        """Warns of retained conditions (n, m) that stay open: at these parameters, these conditions are redundant only
+        within `loop_tolerance`."""
         if self.newton.slack is None:
             return
         for n in np.flatnonzero((gaps > CLOSED).any(axis=1)):

@@ -1,8 +1,8 @@
 """Continuation: closed states are continued along straight lines in the independent coordinates, parameters and time.
 
-A step predicts along the tangent and corrects with Newton's method. It is accepted only if Newton's steps contract and the
-tangents at both ends agree with the step (trapezoidal rule). Beyond the end of a branch, or on another branch, the
-tangents do not agree with the step. The steps shrink toward the end of a branch and never pass it.
+A step predicts along the tangent and corrects with Newton's method. A step is accepted only if Newton's corrections
+contract and the tangents at both ends agree with the step (trapezoidal rule). Beyond the end of a branch, or on another
+branch, the tangents do not agree with the step. So steps shrink toward the end of a branch and never pass it.
 """
 
 from __future__ import annotations
@@ -150,9 +150,9 @@ class Follower:
         return q, x
 
     def follow(self, q: Array, line: Line, part: float = FIRST) -> Followed:
-        """Continues n closed states (n, nq) along the lines as far as their branches reach.
+        """Continues n closed states (n, nq) along the lines, each as far as its branch of solutions reaches.
 
-        `part` limits the first step, as a fraction of the line, where the first tangent is small.
+        Where the first tangent is small, `part` limits the first step, as a fraction of the line.
         """
         n = len(q)
         s, crossed = np.zeros(n), np.full(n, -1)
@@ -221,7 +221,8 @@ class Follower:
         return q, closed
 
     def _aim(self, q: Array, s: Array, line: Line) -> Array:
-        """Rates (n, nq), per line, that bring the shared coordinates to their values at the end of the line."""
+        """Derivatives (n, nq) by the position on the line (0 to 1) that bring the shared coordinates to their values at
+        its end."""
         aim = np.zeros_like(q)
         aim[:, self.shared] = (line.shared - q)[:, self.shared] / (1.0 - s)[:, None]
         for i in self.newton.quaternions:  # rates of a quaternion are tangential to the unit sphere

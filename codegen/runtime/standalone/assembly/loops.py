@@ -48,7 +48,7 @@ class Loops(States):
         return None if found is None else (given[0].copy(), *found)
 
     def _is_closed(self, given: tuple[Any, ...]) -> bool:
-        """Whether `given` is one state in plain arrays that assembly would leave unchanged."""
+        """Whether `given` is one state, in float64 vectors, that assembly would leave unchanged."""
         if self._arguments.quaternions:
             return False
         gaps = self.package._one_state(POSITION, given)
@@ -92,7 +92,7 @@ class Loops(States):
         if not axes:
             return None
         q = arrays["q"][..., self.assembly.follower.others]
-        k = axes[-1] - len(batch) - 1  # axes are counted from the end, since q may have fewer of them
+        k = axes[-1] - len(batch) - 1  # axes are counted from the end, since q may have fewer axes
         same = q.ndim < -k or q.shape[k] == 1 or bool((q == np.take(q, [0], axis=k)).all())
         return axes[-1] if same else None
 

@@ -317,7 +317,7 @@ class Newton:
         """One step of all unfinished groups: coordinates, steps, residuals, fractions of steps, and which groups remain
         unfinished."""
         q, x = at
-        # very open loops (changed parameters) need a larger unit of length than their characteristic length
+        # for wide gaps (after a change of parameters) the characteristic length of a loop is too small a unit
         lengths = np.maximum(1.0, np.abs(gaps).max(axis=1, initial=0.0))[:, None]
         scale = self.scale * np.where(self.slides, lengths, 1.0)
         with np.errstate(all="ignore"):

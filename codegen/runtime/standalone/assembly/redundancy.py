@@ -49,13 +49,13 @@ class Redundancy(Room):
     """Warns of directions that open redundant conditions, and of states in which dropped conditions are open."""
 
     def watch_calls(self) -> None:
-        """Makes direct calls of C test their states for dropped conditions that are open, if the package has dropped
+        """In packages with dropped loop conditions, makes direct calls of C test whether a state violates these
         conditions."""
         if self._opened.manifest.get("dropped"):
             self.package._calls = WatchedCalls(self, self.package._calls)
 
     def _look_at_state(self, name: str, given: tuple[Any, ...]) -> None:
-        """Warns if dropped conditions are open by more than their tolerance."""
+        """Warns if a state violates dropped loop conditions by more than their tolerance."""
         opened = self._opened
         f = opened.functions.get(name)
         if f is None or name in CLOSING:

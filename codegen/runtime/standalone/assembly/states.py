@@ -108,8 +108,8 @@ class States(Room):
     def initial_values(self, p: Numbers) -> tuple[Array, Array]:
         """The initial values at parameters p, as a guess for assembly.
 
-        If the model's values do not close the loops, the package contains assembled ones for the default parameters. Changes of
-        the model's values with the parameters are added to them.
+        If the initial values in the model file do not close the loops, the package contains assembled values for the
+        default parameters. Changes of the file's values with the parameters are added to the assembled values.
         """
         if p is None or "initial" not in self._functions:
             return self._initial
@@ -138,7 +138,7 @@ class States(Room):
         return self.initial_values(p)
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
-        """Copies of q and u if they are one consistent state in plain arrays, else None."""
+        """Copies of q and u if these are float64 vectors of one state that closes the loops, else None."""
         # the C code decides whether the arrays are plain
         if self._arguments.quaternions or self.package._one_state("coordinate_rates", given) is None:
             return None
@@ -147,7 +147,8 @@ class States(Room):
     def consistent_along(
         self, given: tuple[Any, ...], seeds: tuple[Any, ...]
     ) -> tuple[Array, Array, Array, Array] | None:
-        """Copies of q and u and of their derivatives along seeds, for one consistent state in plain arrays; else None."""
+        """Copies of q, u and the seeds dq, du if q and u are float64 vectors of one state that closes the loops; else
+        None."""
         q, u, dq, du = *given[:2], *seeds[:2]
         if self._arguments.quaternions or not {type(dq), type(du)} <= {np.ndarray, type(None)}:
             return None

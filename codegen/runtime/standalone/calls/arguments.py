@@ -21,7 +21,7 @@ MOST_AXES = 29
 """Maximum number of batch axes: NumPy allows 32, and results have up to three more."""
 
 LARGE = 1024
-"""Larger arrays are tested for finite numbers by the C code, while it reads them."""
+"""In arrays of more than this many numbers, the C code tests for finite numbers while it reads the array."""
 
 LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
 """Returns the values of entries that a mapping leaves out, given the argument's name and all arguments."""
@@ -68,9 +68,9 @@ class Arguments:
     def take(
         self, given: Mapping[str, Any], left_out: LeftOut, unseen: list[Unseen] | None = None
     ) -> tuple[dict[str, Any], Shape]:
-        """Checks arguments, and returns them with their common batch shape.
+        """Checks arguments; returns the checked arrays and the batch shape that all share.
 
-        Large arrays are appended to `unseen`, if it is given, and their numbers are not tested here.
+        If `unseen` is given, large arrays are appended to this list, and this function does not test their numbers.
         """
         arrays: dict[str, Any] = {}
         batch: Shape = ()
@@ -160,7 +160,8 @@ class Arguments:
         return result
 
     def _single(self, name: str, given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-        """Splits values given for a joint of several degrees of freedom, or for a vector, into their entries."""
+        """Splits vectors given under the name of a joint with several degrees of freedom, or of a vector, into named
+        entries."""
         result: dict[str, Any] = {}
         for n, x in given.items():
             group = [] if n in names else [m for m in names if m.startswith(f"{n}.")]
@@ -249,7 +250,7 @@ class Seeds(NamedTuple):
         called: Mapping[str, str] = MappingProxyType({}),
         unseen: list[Unseen] | None = None,
     ) -> tuple[Seeds, Shape]:
-        """Checks seeds, and returns them with all batch axes, together with the common batch shape.
+        """Checks seeds; returns them with all axes of the batch, and the batch shape common to seeds and arguments.
 
         Parameters
         ----------

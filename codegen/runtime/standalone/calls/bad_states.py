@@ -1,4 +1,5 @@
-"""Batches with states that cannot be computed, when the results of these states are to be NaN."""
+"""Batches in which some states cannot be computed, for ``bad_states = "nan"``: the results of these states become
+NaN."""
 
 from __future__ import annotations
 
@@ -21,9 +22,11 @@ MOST_NAMED = 5
 def without_bad(
     strict: Arguments, initial: Array, given: Mapping[str, Any], left_out: LeftOut
 ) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-    """Arguments with valid numbers in place of bad ones, the batch shape, and the reason for each bad state by its number.
+    """Arguments in which numbers of bad states are replaced by valid ones, the batch shape, and the reason for each bad
+    state.
 
-    Arguments that all states share are checked as usual. `initial` are the coordinates used where q is bad.
+    The reasons have the numbers of the states in the batch as keys. Arguments that all states share are checked as
+    usual. `initial` are the coordinates that replace bad rows of q.
     """
     arrays, batch = strict.lenient().take(given, left_out)
     bad: dict[int, str] = {}

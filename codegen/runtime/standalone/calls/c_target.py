@@ -37,7 +37,8 @@ CHECKED = 1 << SLOT["default_p"]
 OVER = """
 int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
 """
-"""C signature of the loop over states: function, pointers, their strides, mask, times, directions, first and last state."""
+"""C signature of the loop over the states of a batch. Its arguments are a function, pointers, strides, a mask, times,
+the number of directions, and the first and last state."""
 
 
 MOST_RESULTS = 16
@@ -106,13 +107,13 @@ class CTarget(Target):
         self.builds = builds(folder, manifest, sealed)
         parts = manifest.get("libraries", {})
         self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
-        if not first:  # only motions need other partitions, so their functions are compiled as one library
+        if not first:  # only motions use other partitions, whose functions are therefore compiled as one library
             self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
         self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
-        """Target of ``x[FEW]`` in ``NAME_calls.c``: whether functions for few directions are unavailable, then their
-        addresses."""
+        """Target of ``x[FEW]`` in ``NAME_calls.c``: a flag, set if the functions for few directions are unavailable,
+        then the addresses of these functions."""
         self.few_pointer = self.ffi.cast(f"{self.real} *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
@@ -230,7 +231,8 @@ class CTarget(Target):
         give(self.ffi.cast("void *", system))
 
     def function(self, f: Function) -> Any:
-        """The C function, with the signature common to all; declared at its first call, so that loading is fast."""
+        """The C function, with the signature that all functions share. It is declared at its first call, so that
+        loading is fast."""
         call = self._calls.get(f.name)
         if call is None:
             symbol = f"{self.model}_call_{f.name}"
@@ -366,7 +368,7 @@ class CTarget(Target):
         return self.pointer(self.plain(x if x.shape == shape else np.broadcast_to(x, shape)))
 
     def _row(self, x: Array, batch: Shape) -> tuple[Any, int, int]:
-        """Pointer to an argument, its stride between states, and its stride between directions, which is 0."""
+        """Pointer to an argument, its stride between states, and the stride 0 between directions."""
         n = x.shape[-1]
         return (self._whole(x, x.shape), 0, 0) if x.ndim == 1 else (self._whole(x, (*batch, n)), n, 0)
 

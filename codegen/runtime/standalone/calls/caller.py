@@ -1,4 +1,5 @@
-"""Builds ``direct_call.c``, the compiled part of calls, once per Python and NumPy version if their headers are available."""
+"""Builds ``direct_call.c``, the compiled part of calls, once per Python and NumPy version, where their headers are
+installed."""
 
 from __future__ import annotations
 
@@ -69,7 +70,7 @@ def _load_caller(path: str) -> Any:
 
 
 _refused: set[str] = set()
-"""Keys of callers that failed to compile; they are not tried again."""
+"""Keys of builds of ``direct_call.c`` that failed; these builds are not repeated."""
 
 
 def find_caller(folder: Path) -> Any:

@@ -51,7 +51,7 @@ BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
     "point_acceleration_sensitivities": "frame_sensitivities",
 }  # fmt: skip
-"""Functions of selected points, and the functions whose libraries contain them."""
+"""Functions for selected points, each with the function whose library contains it."""
 
 SELECTIVE = ("jacobians",)
 """Functions that skip results which are not requested, except the first result."""
@@ -76,7 +76,8 @@ WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "closure": {"results": ("position", "velocity")},
     "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
 }
-"""Functions that are not generated if their results are empty: in models without outputs, loops or degrees of freedom."""
+"""Functions that are generated only if their results have entries; models may lack outputs, loops or degrees of
+freedom."""
 
 CLOSING = ("closure", "closing_step", "newton_step", "completion")
 """Functions that close loops."""
@@ -99,7 +100,7 @@ MADE_OF = {
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
 }  # fmt: skip
-"""Methods, and the generated functions with other names that they call."""
+"""Methods, each with the generated functions of other names that it calls."""
 
 SOMETIMES = (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
@@ -190,7 +191,8 @@ class Wanted:
 
 
 def over_points(f: Function, accelerations: Function | None, places: Shape, shape: Shape) -> Function:
-    """The call of ``NAME_calls.c`` for the motion of points, derived from the functions for frames and their accelerations."""
+    """The function of ``NAME_calls.c`` for the motion of points, from the functions for frames and frame
+    accelerations."""
     names: tuple[str, ...] = ("frames", "point_places", "position", "velocity")
     shapes: tuple[Shape, ...] = (f.shapes[0], places, shape, shape)
     name = "points" if accelerations is None else "point_accelerations"

@@ -136,7 +136,7 @@ def look_up_all(names: Names, asked: Sequence[Any], values: Sequence[int]) -> li
 
 
 class Named(NamedTuple):
-    """Unit seeds of parameters p (k, np) and inputs (k, ninputs), and their k names."""
+    """Unit seeds of k entries of parameters (k, np) and inputs (k, ninputs), and the names of these entries."""
 
     names: tuple[str, ...]
     p: Array

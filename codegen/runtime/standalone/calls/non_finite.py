@@ -1,4 +1,4 @@
-"""Warnings about results that are not finite: the force, force element, body or output that causes them."""
+"""Warnings about results that are not finite, with the cause: a force, force element, body or output."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .targets import Opened
 from .task import Task
 
 QUIET = ("closure", "conditions", "newton_step")
-"""Functions whose results may be infinite; their callers test them."""
+"""Functions whose results may be infinite without a warning; their callers test the results."""
 
 
 def warn_of_infinite(opened: Opened, task: Task) -> None:

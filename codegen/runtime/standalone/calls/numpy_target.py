@@ -54,7 +54,7 @@ class NumpyTarget(Target):
         return False
 
     def _one_by_one(self, task: Task, failed: dict[int, SingularJointError]) -> None:
-        """Computes each state of a batch separately, because some of them fail."""
+        """Computes each state of a batch separately, since some states have failed; records the errors in `failed`."""
         for number, at in enumerate(np.ndindex(*task.batch)):
             along = Seeds({s: of_state(a, task.batch, at, 1) for s, a in task.seeds.of.items()}, task.seeds.k)
             try:
@@ -73,7 +73,7 @@ class NumpyTarget(Target):
     def _results(self, f: Function, arguments: list[Any]) -> Any:
         """The results of a function of the module."""
         try:
-            with np.errstate(all="ignore"):  # for both targets alike, the solver warns of results that are not finite
+            with np.errstate(all="ignore"):  # the solver itself warns of results that are not finite
                 return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
             name = type(error).__name__
@@ -86,5 +86,6 @@ class NumpyTarget(Target):
 
 
 def in_rows(x: Array, shape: Shape, axes: int) -> Array:
-    """Reshapes a result to `axes` axes, the last ones as in `shape`; the module returns the numbers of all bodies in one row."""
+    """Reshapes a result to `axes` axes, the last of which have the shape `shape`; the module returns the numbers of all
+    bodies in one row."""
     return x if len(shape) < 2 or x.ndim == axes else x.reshape(*x.shape[:-1], *shape)

@@ -180,8 +180,8 @@ class Package:
     def bad_states(self) -> str:
         """Treatment of batch states that cannot be computed, ``error`` or ``nan``.
 
-        Such states are singular, or have numbers that are not finite. With ``error``, the default, they raise. With
-        ``nan`` their results are NaN, a warning names them, and the other states are computed.
+        Such states are singular, or have numbers that are not finite. With ``error``, the default, such a state raises
+        an error. With ``nan`` its results are NaN, a warning names it, and the other states are computed.
         """
         return self._bad_states
 
@@ -218,8 +218,8 @@ class Package:
 
     @property
     def _composed(self) -> Mapping[str, Composed]:
-        """Functions that Python composes from generated functions, by name; in other models, generated functions have these
-        names."""
+        """Functions that Python composes from generated functions, by name. In models without loops, generated
+        functions have these names."""
         return {}
 
     @property
@@ -293,8 +293,8 @@ class Package:
     ) -> Any:
         """Computes a function with a user's arguments; writes the results to `out` if it is given.
 
-        `given` are its arguments in the order of `Function.order`, and `seeds` its seeds in the order of `Function.directions`.
-        One state or a small batch goes directly to C.
+        `given` are the arguments in the order of `Function.order`, and `seeds` the seeds in the order of
+        `Function.directions`. One state or a small batch goes directly to C.
         """
         if self._watched:
             self._look_at_directions(wanted, given, seeds)
@@ -318,7 +318,8 @@ class Package:
         return self._computed(opened, Task(f, arrays, batch, along, (), unseen=unseen), returned, out, bad)
 
     def _one_state(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None) -> Any:
-        """Results of a function for one state; None unless q and u are plain vectors and C can compute them directly."""
+        """Results of a function for one state; None unless q and u are vectors and a direct call of C can compute this
+        state."""
         q, u, *_ = given
         if type(q) is not np.ndarray or type(u) is not np.ndarray or q.ndim != 1 or u.ndim != 1:
             return None
@@ -328,8 +329,8 @@ class Package:
     def _taken(
         self, f: Function, values: Sequence[Any], unseen: list[Unseen] | None = None
     ) -> tuple[dict[str, Any], Shape, dict[int, str]]:
-        """Checks arguments; returns them, their batch shape, and the reasons for bad states if `bad_states` is "nan". For
-        `unseen` see `Arguments.take`."""
+        """Checks arguments; returns the checked arrays, the batch shape, and the reasons for bad states if `bad_states`
+        is "nan". For `unseen` see `Arguments.take`."""
         given = f.named(values)
         if self._bad_states == "error":
             return *self._arguments.take(given, self._left_out, unseen), {}

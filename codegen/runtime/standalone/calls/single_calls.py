@@ -1,9 +1,9 @@
 """Direct calls of the compiled functions, for one state or a small batch along one axis.
 
-A call takes arguments in `Function.order`, seeds in `Function.directions` or None, and arrays for results or None. It returns a
-tuple of arrays, or None for anything that is not plain, not finite or singular. Then the general path converts the
-arguments, or raises an error. ``direct_call.c`` implements these calls. If this file cannot be compiled, `PlainCall`
-replaces it for one state in plain arrays.
+A call takes arguments in `Function.order`, seeds in `Function.directions` or None, and arrays for results or None. It
+returns a tuple of arrays, or None if an argument is not a float64 array, a number is not finite, or the state is
+singular. The general path then converts the arguments, or raises an error. ``direct_call.c`` implements these calls. If
+this file cannot be compiled, `PlainCall` replaces it for one state in float64 arrays.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def place_of(result: str, i: int, f: Function, wanted: Wanted) -> int:
 
 
 class PlainCall:
-    """A direct call in Python, by cffi's ABI mode: one state, with seeds, in plain arrays.
+    """A direct call in Python, by cffi's ABI mode, for one state and its seeds in float64 arrays.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class Task(NamedTuple):
         return math.prod(self.batch)
 
     def look(self, but: Collection[str] = ()) -> None:
-        """Tests the numbers of large arguments and seeds, except those named in `but`.
+        """Tests that large arguments and seeds are finite, except the arrays named in `but`.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class Target(ABC):
 
     @abstractmethod
     def run(self, task: Task) -> bool:
-        """Computes the results of a task. Returns True if all of them are known to be finite.
+        """Computes the results of a task. Returns True if all results are known to be finite.
 
         Raises
         ------

@@ -27,7 +27,8 @@ OF_PROCESS = Path("/proc/self/cgroup")
 
 
 ONE = "ordernm_one_thread"
-"""Attribute of threads whose batches use one thread each. Other versions of the run time in packages read it, too."""
+"""Attribute of threads whose batches use one thread each. Run times of other versions, in other packages, read this
+attribute, too."""
 
 
 @contextlib.contextmanager

@@ -104,11 +104,12 @@ class Build:
         return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
 
     def exists(self) -> bool:
-        """Whether all sources exist; packages contain only the sources that their functions need."""
+        """Whether all source files exist; a package contains only the files that its functions need."""
         return all(s.is_file() for s in self.sources)
 
     def found(self, key: str = "") -> Path | None:
-        """The library if it exists. Removes damaged libraries, and ignores those in the cache that others can write to."""
+        """The compiled library, if it exists. Removes damaged libraries, and ignores cached libraries that other users
+        can write to."""
         for place in self.places:
             for found in sorted(place.glob(f"{key or self.key()}-*.so")):
                 if not trusted(found):
@@ -202,7 +203,7 @@ class Build:
 
 
 def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
-    """Contents of C files and of the files that they include, each once."""
+    """Contents of C files and of all files included in them, each file once."""
     known, waiting = set(sources), [*reversed(sources)]
     while waiting:
         file = waiting.pop()
@@ -226,7 +227,8 @@ def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
 
 
 def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[str, Build]:
-    """The builds of a package by name: "" with all functions; then the smaller libraries, in order."""
+    """The builds of a package by name: "" is the library with all functions; then follow the libraries with some
+    functions."""
     name, sources = manifest["name"], manifest.get("sources", ())
     parts = manifest.get("libraries", {})
     found = {

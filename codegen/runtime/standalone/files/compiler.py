@@ -192,7 +192,7 @@ class Stop:
         self.running: list[subprocess.Popen[bytes]] = []
 
     def now(self) -> None:
-        """Stops all running compilers and prevents further ones from starting."""
+        """Stops all running compilers, and lets no further compiler start."""
         self.asked = True
         for process in list(self.running):
             with contextlib.suppress(OSError):
@@ -200,12 +200,12 @@ class Stop:
 
 
 def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, str]:
-    """Runs commands in parallel. Returns whether one failed, and their output.
+    """Runs commands in parallel; returns whether a command failed, and the output of all.
 
     Raises
     ------
     CompileError
-        If one takes too long. Then, and after Ctrl-C, all commands are stopped with their child processes.
+        If a command takes too long. Then, and after Ctrl-C, all commands are stopped with their child processes.
     """
     log = []
     failed = False

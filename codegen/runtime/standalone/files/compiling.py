@@ -41,7 +41,7 @@ _say_to: Callable[[str], None] | None = _say
 
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
-    """Suppresses the report, for commands that show their progress themselves."""
+    """Suppresses the report of waiting, for commands that show their own progress."""
     global _say_to
     before, _say_to = _say_to, None
     try:

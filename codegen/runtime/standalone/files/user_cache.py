@@ -1,4 +1,5 @@
-"""The user's cache for compiled libraries. Other users must not be able to write to it, because its libraries are executed."""
+"""The user's cache for compiled libraries. Other users must not be able to write to this folder, because libraries in
+it are executed."""
 
 from __future__ import annotations
 

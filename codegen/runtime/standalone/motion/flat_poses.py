@@ -1,9 +1,10 @@
 """Directions without derivatives after a motion has passed a pose at which a loop loses rank (a flat pose).
 
-At a flat pose, a combination n of a loop's conditions does not depend on the speeds: ``n E = 0``. If ``n dg/dp`` is not zero, no
-closed state exists near the pose for one sign of the change dp, or the motion enters another branch. Then there is no derivative.
-At a distance d from the pose, such a parameter moves the dependent coordinates by 1/d. Directions that keep the loop closed
-through the pose move them by bounded amounts; an example is all lengths of a parallelogram together.
+At a flat pose, a combination n of a loop's conditions does not depend on the speeds: ``n E = 0``. If ``n dg/dp`` is not
+zero, no closed state exists near the pose for one sign of the change dp, or the motion enters another branch. Then
+there is no derivative by p. At a distance d from the pose, derivatives of the dependent coordinates by such a parameter
+grow like 1/d. Derivatives along a direction that keeps the loop closed through the pose remain bounded; an example is a
+common scale of all lengths of a parallelogram.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from ..errors import SingularJointError
 from .problem import Run, Segment
 
 GROWN = 4.0
-"""Ratio of the motions of dependent coordinates near the pose and farther away. Directions with a larger ratio are lost; their
-ratio is about 16, that of others about 1."""
+"""Ratio of the motions of dependent coordinates near the pose and farther away. A direction with a larger ratio has no
+derivative after the pose. Such ratios are about 16, all others about 1."""
 
 ROUNDING = 1e-8
 """Rounding error of directions that keep the loop closed, relative to the motions caused by single parameters."""

@@ -141,7 +141,7 @@ class FunctionalGradients(Simulation):
     def _check(
         self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run, lost: set[str]
     ) -> None:
-        """Warns of gradients that are too large, or not finite although their direction is not known to be lost."""
+        """Warns of gradients that are too large, or not finite without a known reason."""
         self._look_at_growth(gradients, weights, directions, problem, run)
         kept = [i for i, name in enumerate(directions.names) if name not in lost]
         self._look_for_infinite(gradients[:, kept], weights, [directions.names[i] for i in kept], problem, run)
@@ -180,7 +180,7 @@ class FunctionalGradients(Simulation):
     def _look_for_infinite(
         self, gradients: Array, weights: Weights, names: list[str], problem: Problem, run: Run
     ) -> None:
-        """Warns of gradients that are not finite, and names the outputs if these are the cause."""
+        """Warns of gradients that are not finite; if outputs are the cause, the warning names these."""
         bad = ~np.isfinite(gradients)
         if not bad.any():
             return

@@ -70,8 +70,8 @@ class Inputs:
         return np.concatenate([values, rates.reshape(*np.shape(t), -1)], axis=-1)
 
     def derivative(self, t: Array | float, order: int, before: bool = False) -> Array:
-        """Time derivatives (*t.shape, nsignals) of the given order. At a knot, the piece after it applies; with
-        `before`, the piece before it."""
+        """Time derivatives (*t.shape, nsignals) of the given order. At a knot, they are those from the right; with
+        `before`, those from the left."""
         if self.knots is None:
             constant = np.zeros_like(self.values[0]) if order else self.values[0]
             return np.broadcast_to(constant, (*np.shape(t), len(constant))) if np.ndim(t) else constant

@@ -1,6 +1,7 @@
-"""Tests whether prescribed motion with branches has a jump in velocity during a motion, at its parameters and inputs.
+"""Tests whether prescribed motion with branches has a jump in velocity during a simulated motion.
 
-The model reader tests the default parameters. Here, the impulse of a jump would be ignored, so a motion ends before the jump.
+The model reader tests the default parameters only; this module tests the parameters and inputs of the motion. The
+impulse of a jump in velocity would be ignored, so a motion ends before the jump.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from ..arrays import Array
 from .inputs import Inputs
 
 SAMPLES = 2000
-"""Number of times at which switching functions are evaluated; linear ones are solved exactly, extrema are refined."""
+"""Number of times at which switching functions are evaluated; zeros of linear functions are exact, extrema are
+refined."""
 
 
 def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) -> tuple[float, str] | None:

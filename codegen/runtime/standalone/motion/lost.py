@@ -38,6 +38,6 @@ def why_lost(
 
 
 def lost_names(derivatives: Array, known: set[str], names: Sequence[str]) -> list[str]:
-    """Names of the directions (k, n) with NaN entries, without those already known to be lost."""
+    """Names of the directions, rows of `derivatives` (k, n), that have NaN entries; names in `known` are left out."""
     gone = np.flatnonzero(np.isnan(derivatives).any(axis=1)).tolist()
     return [names[i] for i in gone if names[i] not in known]

@@ -36,7 +36,7 @@ POOR_OF_CONSTANT_STEPS = 10.0
 """Like `POOR`, for constant steps, which cannot become smaller near a poorly conditioned pose."""
 
 BETTER = 4.0
-"""Other independent coordinates are used if their condition number is smaller by this factor."""
+"""A motion changes to other independent coordinates if these reduce the condition number by at least this factor."""
 
 COARSE = 3e-6
 """Sum of errors of constant steps, relative to the state, above which there is a warning."""
@@ -173,7 +173,8 @@ class MotionRun(Room):
 
     @property
     def _gives_outputs(self) -> bool:
-        """Whether rows of results contain outputs; packages of selected functions may lack them."""
+        """Whether rows of results contain outputs; a package of selected functions may lack the function for
+        outputs."""
         return bool(self.output_names) and "outputs" in self._functions
 
     # -- other independent coordinates ---------------------------------------------------------------------------------
@@ -183,8 +184,8 @@ class MotionRun(Room):
     ) -> tuple[Opened, Problem]:
         """The partition with which a motion continues, and the remaining motion.
 
-        Partitions in `tried`, including this one, were in use at the same time and are not used again. If a constant step is poor
-        with each of them, the last one is used.
+        Partitions in `tried`, including the one in use, were already used at this time and are not used again. If
+        constant steps are inaccurate with every partition, the last one is used.
         """
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
@@ -226,7 +227,7 @@ class MotionRun(Room):
         return float(np.abs(du).max())
 
     def _carry_integrals(self, problem: Problem, before: Array, rows: list[Array], last: Array) -> None:
-        """Adds the integrals at the end of the previous segment; each segment starts them at zero."""
+        """Adds the integrals at the end of the previous segment to those of this segment, which start at zero."""
         if not problem.integrals:
             return
         k = len(problem.dp)

@@ -34,7 +34,7 @@ CLOSED = 1e-10
 """Scaled residual below which an initial state needs no assembly."""
 
 STEPS_OF_PRESCRIBED = 100
-"""Number of steps if nothing is integrated, since no error then limits the size of a step."""
+"""Number of steps of a motion without degrees of freedom and integrals, in which no error limits the step size."""
 
 MEANINGLESS = 1e10
 """Relative change of a result per relative change of a parameter above which a warning says that the motion is chaotic."""
@@ -95,7 +95,7 @@ class Simulation(Reasons):
         return trajectory
 
     def _without_lost(self, run: Run, problem: Problem, directions: Directions, trajectory: Trajectory) -> None:
-        """Sets derivatives to NaN, with a warning, where they do not exist after a flat pose."""
+        """Sets derivatives that do not exist after a flat pose to NaN, with a warning."""
         lost = lost_directions(run, directions.dp) if directions.k else []
         for of in lost:
             behind = np.ix_(of.directions, trajectory.t > of.t)
@@ -108,7 +108,8 @@ class Simulation(Reasons):
             warn(what_is_lost(lost, directions.names))
 
     def _warn_of_lost(self, run: Run, problem: Problem, names: tuple[str, ...]) -> set[str]:
-        """Warns of directions without derivatives after a time, and returns their names."""
+        """Warns of directions along which the motion has no derivative after some time; returns the names of these
+        directions."""
         lost: set[str] = set()
         for segment in run.segments:
             for row, why, which in segment.lost:
@@ -123,8 +124,9 @@ class Simulation(Reasons):
     def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
         """The largest relative change of an independent entry per relative change of a parameter, or an upper bound.
 
-        Changes are relative to the largest value in the motion of all entries with the same unit, so the growth does not depend
-        on units. Dependent entries are excluded, because they have no derivatives where a loop loses rank.
+        Changes are relative to the largest value in the motion of all entries with the same unit, so the growth does
+        not depend on units. Dependent coordinates and speeds are excluded, because they have no derivatives where a
+        loop loses rank.
         """
         sizes = np.abs(rows).max(axis=0)
         q, u = (self._of_rows(sizes, i) for i in (1, 2))
@@ -148,7 +150,8 @@ class Simulation(Reasons):
     def _sizes_of_directions(
         self, directions: Directions, q: Array, u: Array, problem: Problem
     ) -> tuple[Array, Array, Array]:
-        """Steps along directions for a relative change of 1, and the sizes of q and u, from their largest entries."""
+        """Steps along directions for a relative change of 1, then sizes of the entries of q and of u: the largest entry
+        of equal unit."""
         q = largest_of_unit(q, self._manifest["coordinate_units"])
         u = largest_of_unit(u, self._manifest["speed_units"])
         return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
@@ -283,7 +286,7 @@ class Simulation(Reasons):
         return self.noutputs if self._gives_outputs else 0
 
     def _no_motion(self, sensitivity_names: tuple[str, ...]) -> Trajectory:
-        """An empty trajectory with the names and units of all others."""
+        """A trajectory without times, with the names and units that all trajectories of this solver have."""
         manifest, shown, k = self._manifest, self._shown, len(sensitivity_names)
         q, u, outputs = (np.empty((0, n)) for n in (self.nq, self.nu, shown))
         dq, du, doutputs = (np.empty((k, *x.shape)) for x in (q, u, outputs))
@@ -373,7 +376,7 @@ def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
 def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
     """(k,): the step along each direction that changes its variables by a relative amount of 1.
 
-    `sizes` are those of q, u, p, and of the inputs' control points (count, nsignals); zeros are replaced by 1.
+    `sizes` are the magnitudes of q, u, p and of the inputs' control points (count, nsignals); zeros are replaced by 1.
     """
     seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
     moved = np.zeros(directions.k)

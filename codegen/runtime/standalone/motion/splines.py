@@ -17,11 +17,11 @@ MOST_DEGREE = 9
 def spline_weights(
     knots: Array, degree: int, count: int, t: Array | float, order: int = 0, before: bool = False
 ) -> tuple[Any, Array]:
-    """The B-splines that are not zero at times, or their derivatives: the indices of the first ones, of the shape of t, and their
-    values (*t.shape, degree + 1).
+    """Values (*t.shape, degree + 1) of the B-splines that are not zero at each time, or of their derivatives; before
+    them, the index of the first of these B-splines.
 
-    Outside the knots, the values at the first or last knot apply. At a knot, `before` selects the piece before it instead of that
-    after it. Derivatives are differences of splines of lower degree.
+    Outside the knots, the values at the first or last knot apply. At a knot, values are those from the right; with
+    `before`, those from the left. Derivatives are differences of splines of lower degree.
     """
     x = np.minimum(np.maximum(t, knots[degree]), knots[count])
     at = piece(knots, degree, count, x, before)
@@ -108,10 +108,10 @@ class Through:
 
 @dataclass(frozen=True)
 class Rewritten:
-    """Maps the control points (n,) of a spline to those of the same function with other knots and the same or a higher degree.
+    """Maps the control points (n,) of a spline to its control points for other knots and the same or a higher degree.
 
-    A control point is the polar form of a piece at the knots that follow it. For degree d, the polar form with D > d arguments is
-    the mean over all choices of d of them (L. Ramshaw).
+    A control point is the polar form of a piece at the knots that follow it. For degree d, the polar form with D > d
+    arguments is the mean over all choices of d of these arguments (L. Ramshaw).
     """
 
     knots: Array

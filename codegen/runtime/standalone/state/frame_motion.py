@@ -1,4 +1,4 @@
-"""Motion of body frames and of points fixed in them; computes points, and their derivatives, from frames."""
+"""Motion of body frames and of points fixed in bodies; the motion of points follows from that of the frames."""
 
 from __future__ import annotations
 
@@ -170,7 +170,8 @@ def points_on(frames: FrameMotion, r: Array, names: tuple[str, ...]) -> PointMot
 def point_tangents(
     frames: FrameMotion, along: FrameMotion, r: Array, dr: Array | float, names: tuple[str, ...]
 ) -> PointMotion:
-    """Derivatives of `points_on`, from those of the frames and dr (k, ..., n, 3)."""
+    """Derivatives of the motion of points, from derivatives `along` of the frames and dr (k, ..., n, 3) of the
+    places."""
     s, w = times(frames.rotation, r), frames.angular_velocity
     ds, dw = times(along.rotation, r) + times(frames.rotation, dr), along.angular_velocity
     found = PointMotion(names, along.position + ds, along.velocity + cross(dw, s) + cross(w, ds))

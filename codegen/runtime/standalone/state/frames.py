@@ -1,4 +1,5 @@
-"""Motion of bodies and of points fixed in them, their derivatives and Jacobians; no outputs in the model are needed."""
+"""Motion of bodies and of points fixed in bodies, with derivatives and Jacobians; the model needs no outputs for
+these."""
 
 from __future__ import annotations
 
@@ -20,12 +21,12 @@ MOST_CHOICES = 64
 Bodies = str | Sequence[str] | None
 """Names of bodies, a single name, or None for all."""
 Points = Any
-"""Names of the model's points or bodies, pairs of a body and a place in its frame, or a single one of these. None: all points of
-the model."""
+"""Points as a user selects them: names of points or bodies of the model, pairs of a body and a place in its frame, or a
+single such item. None: all points of the model."""
 
 
 class Frames(Room):
-    """Motion of bodies and of points fixed in them."""
+    """Motion of bodies and of points fixed in bodies."""
 
     def frames(self, given: tuple[Any, ...], bodies: Bodies, accelerations: bool) -> FrameMotion:
         """See `Solver.frames`."""
@@ -98,7 +99,7 @@ class Frames(Room):
         return given if given[1] is not None else (given[0], self._speed_units[0], *given[2:])
 
     def _bodies(self, bodies: Bodies) -> tuple[Any, tuple[str, ...]]:
-        """Indices of bodies (a number for a single name), and their names."""
+        """Indices of the selected bodies (a number if `bodies` is a single name), and the names of these bodies."""
         known = self._known_bodies("frames")
         if bodies is None:
             return None, known
@@ -108,7 +109,7 @@ class Frames(Room):
         return [_place(n, known, "bodies") for n in names], names
 
     def _chosen(self, points: Points) -> _Chosen:
-        """The selected points; selections are kept, because users' loops repeat them."""
+        """The selected points; a selection is kept, because loops in a user's program repeat it."""
         key = tuple(points) if isinstance(points, list) else points
         try:
             found = self._chosen_before.get(key)
@@ -278,7 +279,7 @@ class _Chosen:
         return frames.of(self.on, self.ground, tangents)
 
     def places(self, p: Numbers) -> Array:
-        """Places of all points in their bodies, (..., n, 3)."""
+        """Places of all selected points in the frames of their bodies, (..., n, 3)."""
         if not self.moved:
             return self.given
         found = self.solver._call("point_places", (None, None, p, None, 0.0))[0]
@@ -296,7 +297,8 @@ class _Chosen:
         return self._from(found, np.zeros_like(self.given))
 
     def _from(self, found: Array, others: Array) -> Array:
-        """Places (..., npoints, 3): `found` for the model's points, `others` for points given by place."""
+        """Places (..., npoints, 3) of all selected points: `found` for points of the model, `others` for points given
+        by place."""
         parts = [
             found[..., n, :] if n >= 0 else np.broadcast_to(others[i], found[..., 0, :].shape)
             for i, n in enumerate(self.of_model)

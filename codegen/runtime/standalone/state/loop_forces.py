@@ -1,12 +1,13 @@
 """Mass matrix and inverse dynamics of mechanisms with loops, on their independent speeds.
 
-The joint forces of a loop are not unique. They become unique if only joints with independent speeds have forces. Let x be
-independent speeds, with the dependent ones completed. The kinetic energy is ``T(x) = x^T M x / 2``. Its derivative along a change
-y of the speeds is ``x^T M y``. Its derivative along a change of configuration gives dM, by ``4 x^T dM y = (x + y)^T dM (x + y) -
-(x - y)^T dM (x - y)``. No states are subtracted, so the result is exact to rounding.
+The joint forces of a loop are not unique. They become unique if only joints with independent speeds have forces. Let x
+be a vector of all speeds, in which the independent speeds are given and the dependent speeds follow from closure. The
+kinetic energy is ``T(x) = x^T M x / 2``. Its derivative along a change y of the speeds is ``x^T M y``. Its derivative
+along a change of configuration gives dM, by ``4 x^T dM y = (x + y)^T dM (x + y) - (x - y)^T dM (x - y)``. No nearby
+states are subtracted, so the result is exact to rounding.
 
 Prescribed motion moves the mechanism even at zero independent speeds: ``T(x) = x^T M x / 2 + b^T x + c``. The terms b and c
-cancel between x and -x. The speeds are scaled by a large power of two, so that b and c also vanish in rounding.
+cancel between x and -x. The speeds are scaled by a large power of two, so that rounding errors of b and c vanish, too.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from ..calls.results import places, put
 from ..calls.room import Room
 
 FAST = 2.0**40
-"""Factor on unit speeds, beside which prescribed motion is negligible."""
+"""Factor on unit speeds; beside speeds of this size, prescribed motion is negligible."""
 
 
 class LoopForces(Room):
-    """Mass matrix and inverse dynamics on independent speeds; n is their number.
+    """Mass matrix and inverse dynamics of a mechanism with loops, on its n independent speeds.
 
     Attributes
     ----------
@@ -163,7 +164,7 @@ class LoopForces(Room):
         return self._call("energy_sensitivities", given, tuple(seeds.get(s) for s in ALONG))[1][..., 0]
 
     def _missing(self, name: str, wanted: Any, free: Array) -> Array:
-        """Required minus free accelerations (or their derivatives) at independent speeds."""
+        """The differences of required and free accelerations (or their derivatives) of the independent speeds."""
         return np.asarray((self._arguments.array(name, wanted, "udot") - free)[..., self._free_speeds])
 
 

@@ -178,8 +178,9 @@ class Search:
     def relax(self, q: Array) -> tuple[Array, Motions]:
         """Relaxation: integrates ``w' = udot`` by implicit steps of growing size until the accelerations are small.
 
-        The mechanism moves as if creeping in a viscous medium. If the forces have a potential, it decreases, so the equilibrium
-        found is stable. Steps grow while the linear prediction is accurate, and finally become Newton steps.
+        The mechanism moves as if creeping in a viscous medium. If the forces have a potential, the potential decreases,
+        so the equilibrium found is stable. Steps grow while the linear prediction is accurate, and finally become
+        Newton steps.
         """
         m = self.motions(q)
         rate = float(np.linalg.norm(m.J)) or 1.0  # 1/s^2; its reciprocal is the size of the step

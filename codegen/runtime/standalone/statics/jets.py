@@ -95,7 +95,7 @@ def _power(x: Any, y: Any) -> Jet:
 
 
 def choice(c: Any, x: Any, y: Any) -> Any:
-    """Replaces `choice` of generated modules: x where c is 1, y where it is 0."""
+    """Replaces `choice` in generated modules: x where the condition c is 1, y where c is 0."""
     holds = np.not_equal(value_of(c), 0.0)
     value = np.where(holds, value_of(x), value_of(y))
     slopes = [z.slope for z in (x, y) if isinstance(z, Jet)]

@@ -1,4 +1,4 @@
-"""Linearised equations of motion: matrices, eigenvalues, modes, and the derivatives of these."""
+"""Linearised equations of motion: matrices, eigenvalues and modes, and derivatives of the matrices and eigenvalues."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Complex = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 
 REPEATED = 1e-7
-"""Eigenvalues count as repeated if their distance, relative to the largest one, is below this."""
+"""Eigenvalues count as repeated if their distance is below this fraction of the largest eigenvalue."""
 
 ZERO = 3e-7
 """An eigenvalue counts as zero below this fraction of the largest; a double zero is perturbed by the root of rounding errors."""
@@ -24,14 +24,15 @@ ZERO = 3e-7
 NO_NUMBER = complex(np.nan, np.nan)
 
 SPLITS = 1e-9
-"""Branches belong to one eigenvalue if their derivatives differ by less than this, relative to the largest."""
+"""Branches of a repeated eigenvalue count as one if their derivatives differ by less than this fraction of the
+largest."""
 
 UNDECIDED = 1e-5
 """Relative error of an eigenvalue above which the sign of its real part is undecided."""
 
 
 class Matrices(NamedTuple):
-    """The matrices of a linearisation, or their derivatives with k directions first.
+    """The matrices of a linearisation, or derivatives of these matrices, with a first axis for k directions.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ MODES_SHOWN = 20
 
 
 class Modes(NamedTuple):
-    """Natural motions: one for each real eigenvalue and each complex pair, slow ones first.
+    """Natural motions, one for each real eigenvalue and each complex pair, in the order of their frequencies.
 
     Attributes
     ----------
@@ -345,7 +346,7 @@ def is_stable(A: Array, neutral: int) -> bool | None:
     n = len(A) // 2
     if not n:
         return True
-    # scale time so that speeds and displacements have the same magnitude
+    # a unit of time in which speeds and displacements have the same magnitude
     scale = np.repeat([1.0, float(np.sqrt(np.abs(A[n:, :n]).max())) or 1.0], n)
     scaled = A * scale / scale[:, None]
     values, right = np.linalg.eig(scaled)

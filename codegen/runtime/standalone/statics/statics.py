@@ -28,7 +28,7 @@ POOR = 1e4
 """Condition number of a closure matrix above which a warning says that equilibria and linearisations are doubtful."""
 
 AT_REST = 1e-7
-"""Accelerations, relative to those of small motions, below which `linearize` takes a state for an equilibrium."""
+"""Acceleration, relative to that of a small motion, below which `linearize` takes a state for an equilibrium."""
 
 
 class Statics(Room):
@@ -150,7 +150,7 @@ class Statics(Room):
         return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
 
     def _look_at_rank(self, name: str, at: Point, space: TangentSpace, tolerance: float) -> bool:
-        """Whether a loop has nearly lost rank, so that results are doubtful; warns in this case.
+        """Whether a loop has nearly lost rank; if so, warns that results are doubtful.
 
         Parameters
         ----------

@@ -48,9 +48,9 @@ class TangentEquations:
 
         w' = v + N^+ (D(N u)[N w] - D(N w)[N u]) = v + W w        v' = D udot[N w] + (d udot/du) v
 
-    W is the Lie bracket of the two motions. It is zero at rest, and for joints whose speeds are rates of coordinates. For a
-    quaternion it is ``w x u``, because small rotations turn with the body. The bracket of motions that keep loops closed also
-    keeps them closed, so the projection N^+ is exact.
+    W is the Lie bracket of the two motions. It is zero at rest, and for joints whose speeds are rates of coordinates.
+    For a quaternion it is ``w x u``, because small rotations turn with the body. The bracket of two motions that keep
+    the loops closed also keeps the loops closed, so the projection N^+ is exact.
     """
 
     def __init__(self, package: Package, space: TangentSpace, at: Point, outputs: list[int]):

@@ -15,7 +15,7 @@ class TangentSpace:
 
     A small motion w (n,) changes the coordinates by ``N w``, where ``qdot = N u`` and u are the independent speeds. So w consists
     of joint angles, displacements, and, for quaternions, small rotations about the axes of the speeds. N includes dependent
-    coordinates. If only some speeds of a joint are independent, w contains these only.
+    coordinates. If only some speeds of a joint are independent, w contains only these speeds' motions.
 
     Attributes
     ----------

@@ -94,7 +94,7 @@ PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")
 
 
 def rows_of(crossings: Sequence[Crossing]) -> Array:
-    """Crossings as rows of numbers, (n, row): time, pace, then `PARTS`."""
+    """An array (n, row) of n crossings; a row contains the time, `pace` and the arrays named in `PARTS`."""
     return np.array([np.concatenate([[c.t, c.pace], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
 
 

@@ -158,7 +158,7 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
     except TrajectoryFileError:
         raise
     except (arrow.ArrowException, *DAMAGE) as error:
-        # a missing file keeps its own error; pyarrow raises OSError for damage, too
+        # a system error, such as a missing file, has a number; pyarrow's OSError for a damaged file has none
         if isinstance(error, OSError) and error.errno is not None:
             raise
         first = (str(error).splitlines() or ["it cannot be read"])[0].rstrip(".")
@@ -174,7 +174,8 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
 
 
 def _unrolled(header: Words, columns: list[Array]) -> tuple[Words, dict[str, Array]]:
-    """Arrays from the columns of a Parquet file: t, then q, u and outputs, then their derivatives by direction."""
+    """Arrays from the columns of a Parquet file: t, then q, u and outputs, then the derivatives of these, by
+    direction."""
     nt = len(columns[0])
     sizes = [len(header[f"{name}_names"]) for name in ("coordinate", "speed", "output")]
     k = len(header["sensitivity_names"])

@@ -1,7 +1,7 @@
 """Plots of trajectories: small panels over time, drawn by matplotlib, which is imported only when needed.
 
-The plots are readable in black and white, because curves in a panel differ by dashes. pyplot is not used, so no window opens and
-no user setting affects the drawing: the same trajectory gives the same bytes.
+The plots are readable in black and white, because curves in a panel differ by dashes. Drawing without pyplot opens no
+window and ignores the user's settings: the same trajectory gives the same bytes.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ WIDTHS = {1: 6.5, 2: 8.0, 3: 9.0}
 """Width of a picture in inches, by the number of panels side by side."""
 
 MOST_CURVES = 8
-"""Number of derivatives in one panel; if there are more, the first ones are shown."""
+"""Maximum number of derivatives in one panel; further ones are not shown."""
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 COLOURS = ("#000000", "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#aa4499", "#4d4d4d", "#b8860b")
-"""Styles of curves in one panel; colour-blind readers can distinguish the colours, too."""
+"""Styles of curves in one panel. Colour-blind readers can also distinguish these colours."""
 
 SETTINGS = {"svg.hashsalt": "ordernm", "text.parse_math": False, "font.size": 9, "font.family": "DejaVu Sans",
             "axes.formatter.limits": (-3, 4), "path.simplify": True, "savefig.dpi": 150, "figure.dpi": 100}  # fmt: skip
@@ -74,7 +74,8 @@ def draw(
     path: str | os.PathLike[str] | None = None,
     cut: bool = False,
 ) -> Any:
-    """A figure with a panel for each series over the times t (nt,), and a panel for its derivatives beside it.
+    """A figure with a panel for each series over the times t (nt,), beside which a panel shows the derivatives of the
+    series.
 
     Parameters
     ----------
@@ -159,7 +160,8 @@ def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> 
 
 
 def _exponents(several: Sequence[Array]) -> list[int]:
-    """Exponents of the powers of ten that bring curves to a similar height; zero for those within a factor of ten."""
+    """Exponents of the powers of ten that bring curves to a similar height; zero for curves within a factor of ten of
+    the highest."""
     heights = [float(np.max(np.abs(x[np.isfinite(x)]), initial=0.0)) for x in several]
     highest = max(heights)
     found = []

@@ -225,7 +225,7 @@ class Diagnosing(Room):
         names = tuple(self.speed_names[i] for i in dependent)
         weakest = names[int(np.argmax(np.abs(right[-1])))]
         coupled = tuple(name for name in loops if name in self._manifest.get("couplings", ()))
-        if len(coupled) == len(loops) == 1:  # a coupling has constant ratios, so it has no dead point
+        if len(coupled) == len(loops) == 1:  # couplings have constant ratios, hence no dead points
             sizes = sizes / sizes[0]
         return ClosureCondition(loops, names, _condition(sizes), _distance(sizes), weakest, coupled)
 

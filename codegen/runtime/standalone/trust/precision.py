@@ -1,7 +1,7 @@
 """A solver in extended precision: the statements of a package's NumPy module on decimal numbers, with mpmath results.
 
-The module works element by element, so it accepts arrays of objects. It computes with Python's ``decimal`` numbers, which are
-implemented in C. mpmath computes sines and the like, and its numbers are the arguments and results.
+The module works element by element, so it accepts arrays of objects. Arithmetic uses Python's ``decimal`` numbers,
+which are implemented in C. Elementary functions use mpmath; arguments and results of the solver are mpmath numbers.
 """
 
 from __future__ import annotations
