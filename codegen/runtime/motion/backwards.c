@@ -1,6 +1,6 @@
 /* The discrete adjoint: every step of a motion in reverse order, then the gradients.
  *
- * Step sizes are constants of differentiation. */
+ * Step sizes count as constants: they are not differentiated. */
 #include "backwards.h"
 #include "radau.h"
 
@@ -120,7 +120,7 @@ int ordernm_backwards(ordernm_adjoint *a, const scalar *steps, long count)
     return ORDERNM_ENDED;
 }
 
-/* Copies gradients from their lanes, after including weights at the initial time. */
+/* Adds the contributions of outputs at the initial time, then copies the gradients from the lanes to the caller's arrays. */
 void ordernm_adjoint_end(ordernm_adjoint *a)
 {
     ordernm_motion *const m = a->motion;

@@ -7,11 +7,11 @@
 
 enum { CLOCK_STEPS = 16 };    /* number of steps between two readings of the clock */
 
-/* In this number of steps, a motion must advance by a minimum fraction of its duration, or it counts as stuck. */
+/* A motion counts as stuck if it advances by less than the fraction STUCK of its duration in this number of steps. */
 enum { STUCK_STEPS = 2000 };
 static const scalar STUCK = 1e-9;
 
-/* With this number of passed switches in a short time, they accumulate. */
+/* Switches count as accumulating if this number of them is passed in a short time. */
 enum { MOST_PASSED = 100 };
 
 /* Factor by which the condition number must grow before other independent coordinates are considered again. */
@@ -22,8 +22,8 @@ enum { MOST_MOVES = 3 };
 static const scalar AT_POSE = 0.005; /* relative distance of the pose from the step's end, below which the step ends at the pose */
 static const scalar LEAST_MOVE = 0.02; /* smallest shift of the step's end, relative to the step, for which a step is repeated */
 
-/* Steps before a dead point end short of it by a tenth of the distance, unless the condition number exceeds NEAR_ENOUGH.
- * MOST_REFUSED is the maximum number of repetitions. */
+/* A step that approaches a dead point covers at most the fraction SHORT of the distance, until the condition number exceeds NEAR_ENOUGH.
+ * MOST_REFUSED is the maximum number of repetitions of a step. */
 static const scalar SHORT = 0.9, NEAR_ENOUGH = 100.0;
 enum { MOST_REFUSED = 8 };
 

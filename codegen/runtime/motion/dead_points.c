@@ -1,9 +1,9 @@
-/* Poses where independent coordinates do not determine the others: branches that meet where a loop loses rank, and dead points.
+/* Poses where independent coordinates do not determine the dependent ones: dead points, and poses of lost rank where two branches meet.
  *
- * At a dead point, the speeds of the independent coordinates vanish while dependent speeds do not. Small errors before it become
- * large ones after it. The closure loses rank there: its condition number grows like 1/|t - dead point|, and the inverse of the
- * condition number changes sign, although only its magnitude is known. A step over such a point is smooth, and its error estimate
- * shows nothing; so every step is tested. */
+ * At a dead point, the speeds of the independent coordinates vanish while dependent speeds do not. Small errors before a dead point become
+ * large errors after it. The closure loses rank at a dead point: the condition number grows like 1/|t - dead point|, and its inverse
+ * changes sign, although only the magnitude is computed. The motion of a step over a dead point is smooth, and the error estimate does not
+ * show the point; so every step is tested. */
 #include "inside.h"
 
 #include <math.h>
@@ -11,7 +11,7 @@
 
 /* ---- Branches. ---- */
 
-/* Limit for the difference between dependent coordinates and their prediction, in tolerances. */
+/* Largest difference, in tolerances, between dependent coordinates and their predictions. */
 static const scalar JUMP = 1e3;
 
 /* Whether the loops were closed on another branch than predicted, where branches meet at a pose of lost rank. */
@@ -79,12 +79,12 @@ static const scalar STEEPER = 2.0;
 /* Resolution of positions, relative to the step: rounding and interpolation limit the condition number of closed loops there. */
 static const scalar FINE = 2e-3;
 
-/* Relative distances of two places from the pose where a loop loses rank: the growth of dependent speeds is compared at both. At a dead
+/* Distances from the pose where a loop loses rank, relative to the step, at which the growth of dependent speeds is compared. At a dead
  * point, the growth increases by at least GROWN from FAR to NEAR. */
 static const scalar FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
-/* The first interval from number `from` on, between neighbouring ones of n times, in which a loop may lose rank. The changes of inverse
- * condition numbers decide, which are smooth except for their sign. Returns the number of intervals if there is none. */
+/* The first interval between two of n successive times, from number `from` on, in which a loop may lose rank. The changes of the inverse
+ * condition numbers decide, which are smooth functions of time except for their sign. Returns the number of intervals if there is none. */
 static int suspicious(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank, int from)
 {
     const int nloops = m->system->nloops;
@@ -144,8 +144,7 @@ static scalar growth(ordernm_motion *m, scalar h, scalar part)
     return largest;
 }
 
-/* The loop with the smallest inverse condition number at the stages of a step: its smallest and largest value, and the positions of both.
- * */
+/* The extreme inverse condition numbers at the stages of a step, and their positions, for the loop with the smallest one. */
 typedef struct {
     scalar least, largest, at_least, at_largest;
 } spread;
@@ -195,7 +194,7 @@ static int comes_too_near(ordernm_motion *m, scalar h, const spread *of)
 }
 
 /* Whether the position is a dead point. If a loop itself loses rank, as in a flattened linkage, dependent speeds follow the independent
- * ones and the motion passes. Coordinates near the pose decide which derivatives exist. */
+ * ones, and the motion passes the pose. Coordinates near the pose decide which derivatives exist. */
 static int is_dead(ordernm_motion *m, scalar h, scalar part)
 {
     const int nq = m->system->nq;

@@ -70,9 +70,9 @@ int ordernm_worst_entry(const ordernm_motion *m)
     return worst;
 }
 
-/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank. There, steps that may
- * be too long are compared with Simpson's rule on the interpolant; both are of order 4. The results contain the sum of the differences,
- * relative to the state. */
+/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank. Near such poses, steps
+ * that may be too long are compared with Simpson's rule on the interpolant; step and rule are of order 4. The results contain the sum of
+ * the differences, relative to the state. */
 void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;

@@ -12,7 +12,7 @@ static const scalar BEHIND = 1e-300;
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
 static const scalar SAME_PLACE = 1e-7; /* relative to the step */
 
-/* Distance of an extremum of a switching function from zero, relative to its range in the step, below which it touches zero. */
+/* Largest extremum, relative to the range of the switching function in the step, that counts as touching zero. */
 static const scalar TOUCHING = 1e-12;
 
 /* Positions after an event without rates at which the step may end, relative to the step. */
@@ -123,8 +123,8 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
     return touches(m, e, y, i, *n) ? touched(m, h, x[i], e) : 0;
 }
 
-/* The first part of a step in which an output crosses its level: its ends, and the outputs there. Returns 0 if there is none; else 1, or
- * the status of a function, minus 1 if that is negative. */
+/* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. Returns 0 if there
+ * is none; else 1, or the status of a function, minus 1 if that is negative. */
 static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2], int *found)
 {
     const long events = m->nwatched;
@@ -196,7 +196,7 @@ static int locate(ordernm_motion *m, scalar h, scalar *first, int *which)
     return 0;
 }
 
-/* A step to the expected time of an event; an implicit step may fail to converge, and so may the iteration of its derivatives. */
+/* A step to the expected time of an event. An implicit step, or the iteration of its derivatives, may fail to converge. */
 static int step_of_size(ordernm_motion *m, scalar h)
 {
     scalar *const error = &m->error_to_event;
@@ -209,7 +209,7 @@ static int rates_at_end(ordernm_motion *m, scalar h)
     return m->method->gives_rate ? 0 : ordernm_rates_at_end(m, m->t + h, m->rate[m->method->stages]);
 }
 
-/* Repeats the step so that it ends at an event; the size is found by secants on steps of other sizes. */
+/* Repeats the step with other sizes until it ends at an event; the secant method gives the sizes. */
 static int step_to_event(ordernm_motion *m, int e, scalar *h)
 {
     scalar size = *h, before = m->beside_event[0], g_before = m->beside_event[1], best = INFINITY, found = *h;
@@ -328,7 +328,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         step->event_time = m->t + step->h;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
-    /* all events at this time count as passed, on whichever side rounding has left them; recent ones remain passed */
+    /* all events at this time count as passed, even if rounding has left the output before its level; recent events remain passed */
     for (int e = 0; e < m->nwatched; ++e) {
         if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(m, e, m->crossing[e], m->after[e]))) {
             const int way = e < p->nevents ? p->events[e].direction : -1;
@@ -375,8 +375,8 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
 
 static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
 
-/* Sets derivatives in an event's row to NaN if they depend on the order of event and switch. `other` is its row on the other side of the
- * switch, and `passing` contains derivatives of the switch's time. Returns whether there are any. */
+/* Sets derivatives in an event's row to NaN if they depend on the order of event and switch. `other` is the event's row on the other side
+ * of the switch, and `passing` contains derivatives of the switch's time. Returns whether any derivative became NaN. */
 static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scalar *other, const scalar *passing)
 {
     const ordernm_problem *const p = m->problem;

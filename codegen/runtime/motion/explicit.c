@@ -13,7 +13,7 @@ static void stage(ordernm_motion *m, const row *r, scalar h, scalar *z)
     ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
 }
 
-/* If steps are stored for the adjoint, so are the states of their stages, which then need no rates. */
+/* If steps are stored for the adjoint, stores the state of a stage, too; the adjoint then need not repeat the rates. */
 void ordernm_keep_stage(ordernm_motion *m, int i)
 {
     if (!m->results->steps) return;

@@ -17,7 +17,7 @@ static void first_rate(ordernm_motion *m, const scalar *step)
     memcpy(m->rate[0], step + ordernm_step_size(m->problem) - state, state*sizeof(scalar));
 }
 
-/* The original stages of a step and their rates, if needed for more than its end. */
+/* Repeats the stages of the original step, and the rates at these stages if they are needed. */
 static int stages(ordernm_adjoint *a, const scalar *step, int count)
 {
     ordernm_motion *const m = a->motion;
@@ -53,7 +53,7 @@ static void stages_kept(ordernm_adjoint *a, const scalar *step)
     }
 }
 
-/* One group of functionals through one step: lambda at its end becomes lambda at its start. */
+/* The adjoint of one step for one group of functionals: lambda at the end of the step becomes lambda at its start. */
 static int group_backwards(ordernm_adjoint *a, int n, scalar h, int within)
 {
     ordernm_motion *const m = a->motion;

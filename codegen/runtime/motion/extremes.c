@@ -12,13 +12,13 @@ static const scalar COSINE[2*N] = {1.0, 0.92387953251128674, 0.70710678118654752
     -0.70710678118654752, -0.92387953251128674, -1.0, -0.92387953251128674, -0.70710678118654752, -0.38268343236508977, 0.0,
     0.38268343236508977, 0.70710678118654752, 0.92387953251128674};
 
-/* Distance of a polynomial from the level, relative to its range, below which it may cross the level at an extremum. */
+/* Distance of an extremum from the level, relative to the polynomial's range, below which the output may cross the level there. */
 static const scalar SHALLOW = 1e-3;
 
-/* Factor on the last two coefficients that bounds the omitted ones. */
+/* Factor by which the last two coefficients bound the omitted coefficients. */
 static const scalar LEFT_OUT = 8.0;
 
-static const scalar INSIDE = 1e-9; /* relative to the step: an output with an extremum so near to an end does not return before it */
+static const scalar INSIDE = 1e-9; /* relative to the step: an output does not cross its level twice so near to an end of the step */
 
 scalar ordernm_event_point(int i) { return 0.5*(1.0 - COSINE[i]); }
 
@@ -82,8 +82,8 @@ static int turns(const scalar *a, scalar *t)
     return count;
 }
 
-/* Extrema at which an output may cross its level, zero, although its values at the points do not show it: increasing positions in the
- * step. Returns their number, at most EVENT_SAMPLES. */
+/* Increasing positions in the step of extrema at which an output may cross its level, zero, although its values at the points have the same
+ * sign. Returns the number of extrema, at most EVENT_SAMPLES. */
 int ordernm_extremes(const scalar *value, scalar *where)
 {
     scalar a[N + 1], range = 0.0, t[N];

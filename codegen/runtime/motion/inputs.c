@@ -31,8 +31,8 @@ void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
     m->segment = middle < in->knots[in->degree] ? in->degree - 1 : middle > in->knots[in->count] ? in->count : low;
 }
 
-/* The degree + 1 B-splines that are not zero at t, or their time derivatives of the given order; returns the index of the first one (de
- * Boor). */
+/* Values of the degree + 1 B-splines that are not zero at t, or time derivatives of the given order, by de Boor's recursion. Returns the
+ * index of the first of these B-splines. */
 static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
@@ -70,7 +70,8 @@ static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *valu
     return at - degree;
 }
 
-/* The B-splines at t, and for inputs of prescribed motion their first and second derivatives; returns the index of the first one. */
+/* Values of the B-splines that are not zero at t; with prescribed motion by inputs, also first and second derivatives. Returns the index of
+ * the first of these B-splines. */
 long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
 {
     const int orders = m->system->nmoving ? ORDERNM_ORDERS : 1;

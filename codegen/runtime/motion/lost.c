@@ -8,14 +8,14 @@
 #include <math.h>
 #include <string.h>
 
-/* Relative difference below which derivatives of rates on both sides of a switch are equal. */
+/* Relative difference below which derivatives of rates on the two sides of a switch count as equal. */
 static const scalar AGREE = 1e-10;
 
 /* A direction moves a switch if the relative motion of the switch exceeds this limit; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
 
-/* A jump of a rate is suspected if its change between neighbouring stages is at least PART_OF_STEP of all its changes in the step. It is
- * confirmed if at least PART_OF_CHANGE of it remains after all bisections, it exceeds PART_OF_RATE of the rate, and it would move the
+/* A jump of a rate is suspected if the change between neighbouring stages is at least PART_OF_STEP of all changes in the step. The jump is
+ * confirmed if at least PART_OF_CHANGE of the change remains after all bisections, exceeds PART_OF_RATE of the rate, and would move the
  * state by ERRORS_ALLOWED tolerances over the whole motion. The search covers the SUSPECTS steps after a rejected one, and every step of
  * constant size. */
 enum { SUSPECTS = 4 };
@@ -36,7 +36,7 @@ static void lose(ordernm_motion *m, int n, int lane)
     for (int i = 0; i < STAGES && m->radau; ++i) clear(m, g, lane, m->radau->stage[i]), clear(m, g, lane, m->radau->last[i]);
 }
 
-/* Records in the results which directions are lost, and why; from then on, results along them are NaN. */
+/* Records in the results which directions are lost, and the reason; from then on, results along these directions are NaN. */
 static void note(ordernm_motion *m, int why, int which)
 {
     ordernm_results *const r = m->results;
@@ -66,7 +66,7 @@ void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 
 /* ---- Rest at switches. ---- */
 
-/* The switches whose functions are zero at both ends of the step: stored in m->together; returns their number. */
+/* Finds the switches whose functions are zero at both ends of the step. Returns the number of these switches. */
 static int resting(ordernm_motion *m, scalar end)
 {
     int count = 0;
@@ -106,8 +106,8 @@ static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
     return status;
 }
 
-/* A perturbed motion leaves a switch at which this motion rests, to either side. A direction has a derivative only if the rates on both
- * sides agree with those at rest. */
+/* A perturbed motion leaves a switch at which this motion rests, to either side. Along a direction there is a derivative only if the rates
+ * on both sides agree with the rates at rest. */
 static void look_at_rest(ordernm_motion *m, scalar end)
 {
     scalar *const rest = m->at_pose, *const one = m->error[0], *const other = m->error[1];
@@ -145,7 +145,7 @@ static scalar change(const ordernm_motion *m, int i, scalar a, scalar b)
     return by > PART_OF_RATE*(fabs(a) + fabs(b)) ? (p->end - p->start)*by/(p->atol[i] + p->rtol*fabs(m->z[i])) : 0.0;
 }
 
-/* Sorts the stages by time, keeping the last of simultaneous ones, and the end of the step; returns their number. */
+/* Sorts the stages and the end of the step by time, and keeps only the last of simultaneous stages. Returns the number of places. */
 static int sort_stages(const ordernm_motion *m, int *order)
 {
     const scalar *const times = m->method->times;
@@ -174,7 +174,7 @@ static scalar widest_pair(const ordernm_motion *m, const int *order, int points,
     return all > 0.0 ? largest/all : 0.0;
 }
 
-/* Rates in the step, at a state on the cubic through its ends; 0 if they are undefined. */
+/* Rates at a state on the cubic through the ends of the step; 0 if the rates are undefined. */
 static scalar *rates_within(ordernm_motion *m, scalar h, scalar x, scalar *rates)
 {
     if (x == 0.0 || x == 1.0) return m->rate[x == 0.0 ? 0 : m->method->stages];
@@ -196,8 +196,8 @@ static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, co
                     || jumps_between(m, h, middle, to, here, high, halved + 1, which));
 }
 
-/* Whether a rate jumps within the step, and which one. Each rate is compared with its own changes, since others may change far more.
- * Times before and after the largest change between stages are included, because stages are not exactly on the motion. */
+/* Whether a rate jumps within the step, and which one. Each rate is compared with its own changes, since other rates may change far more.
+ * Times before and after the largest change between stages are also searched, because stages are not exactly on the motion. */
 static int jumps(ordernm_motion *m, scalar h, int *which)
 {
     const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;

@@ -42,8 +42,8 @@ typedef int ordernm_function(const ordernm_call *call);
 /* Functions for one, eight and four directions; those for four are 0 until NAME_four has set them. */
 enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
-/* The same functions in long double, for poses near which a loop loses rank; see NAME_precise.c. Except for closing_step, they close the
- * loops once more themselves. Functions that the package lacks are 0. */
+/* The same functions in long double, for poses near which a loop loses rank; see NAME_precise.c. Each of these functions except
+ * closing_step closes the loops again in long double. Functions that the package lacks are 0. */
 typedef struct {
     ordernm_function *closing_step, *state_rates, *completion, *outputs, *switches;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
@@ -95,11 +95,11 @@ typedef struct {
 
 enum { ORDERNM_RK4, ORDERNM_DOP853, ORDERNM_RADAU };
 
-/* Inputs over time: a spline of any degree, such as 0 (steps), 1 or 3, as a sum of B-splines. Before the first knot and after the last
- * one it is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on inputs, the last 2*nmoving
- * inputs are their rates and accelerations, which are time derivatives of the spline. The values are those of the other inputs, the
- * signals: nsignals = ninputs - 2*nmoving. The spline of such a signal must have a continuous rate, also at its ends if the motion
- * extends beyond them. */
+/* Inputs over time: a spline of any degree, such as 0 (steps), 1 or 3, as a sum of B-splines. Before the first knot and after the last one
+ * it is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on nmoving inputs, the last 2*nmoving
+ * inputs are the rates and accelerations of these, which are time derivatives of the spline. The control points are those of the other
+ * inputs, the signals: nsignals = ninputs - 2*nmoving. The spline of a signal that prescribes motion must have a continuous rate, also at
+ * its ends if the motion extends beyond them. */
 enum { ORDERNM_MOST_DEGREE = 9 };
 
 typedef struct {
@@ -150,8 +150,8 @@ typedef struct {
 enum {
     ORDERNM_ENDED, ORDERNM_PAUSED, ORDERNM_FULL, ORDERNM_EVENT, ORDERNM_SINGULAR, ORDERNM_OPEN, ORDERNM_COLLAPSED,
     ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR,
-    ORDERNM_UNDETERMINED, /* small errors become large ones in dependent speeds, for example at a dead point */
-    ORDERNM_SLIDING,     /* rates on both sides push back to a switch: see component */
+    ORDERNM_UNDETERMINED, /* small errors of independent speeds become large errors of dependent speeds, for example at a dead point */
+    ORDERNM_SLIDING,     /* rates on both sides of a switch drive the motion back to it: see component */
     ORDERNM_ACCUMULATED, /* switches occur faster and faster: see component */
     ORDERNM_APART        /* a dropped condition, see component, would exceed its largest residual */
 };
@@ -175,8 +175,9 @@ typedef struct {
      * if flat is 0. */
     ordernm_scalar *flat;
     long flat_capacity, flat_count;
-    /* Loss of directions without a derivative from then on: a row of results in which they are NaN, the reason (see ORDERNM_INFINITE),
-     * and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if lost is 0. */
+    /* Directions along which derivatives no longer exist: a row of results in which these derivatives are NaN, the reason (see
+     * ORDERNM_INFINITE), and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if
+     * lost is 0. */
     ordernm_scalar *lost;
     int *lost_why;            /* [lost_capacity][2] */
     long lost_capacity, lost_count;
@@ -244,7 +245,7 @@ int ordernm_row(ordernm_motion *motion, ordernm_results *results, ordernm_scalar
 typedef struct {
     int nfunctionals;
     long ntimes;
-    const ordernm_scalar *times;      /* increasing times of the weighted outputs; need not be those of the motion */
+    const ordernm_scalar *times;      /* increasing times of the weighted outputs, which may differ from the times of results */
     const ordernm_scalar *weights;    /* [nfunctionals][ntimes][noutputs]; 0 for none */
     long nbehind;                     /* of outputs after jumps with inputs or at switches, at events: their increasing times, as in the */
     const ordernm_scalar *behind;     /* rows of events; steps start there */
@@ -253,7 +254,8 @@ typedef struct {
     const ordernm_scalar *integral_weights; /* [nfunctionals][nintegrals]; 0 for none */
     const ordernm_scalar *end_q, *end_u; /* [nfunctionals][nq], [nu]: weights of independent entries of the state at the end; 0 for none */
     const ordernm_scalar *whole_q, *whole_u; /* [nq], [nu]: the state at the end, if end_q and end_u weight all entries; else 0 */
-    /* Gradients with respect to independent entries of the initial state, parameters and values of inputs. The caller sets them to zero. */
+    /* Gradients with respect to independent entries of the initial state, parameters and values of inputs. The caller sets these arrays to
+     * zero. */
     ordernm_scalar *q, *u, *p, *inputs; /* [nfunctionals][nq], [nu], [np], [count][nsignals] */
     long evaluations, transposes;
     int singular;
@@ -261,16 +263,16 @@ typedef struct {
 
 typedef struct ordernm_adjoint ordernm_adjoint;
 
-/* Number of doubles of memory for gradients. Starts the adjoint; sets `singular` if weights of a whole state cannot be used. Processes
- * steps that ordernm_go stored: parts from the last to the first, each with its steps in their order. The motion's problem may have no
- * directions. */
+/* Number of doubles of memory for gradients. Starts the adjoint; sets `singular` if weights of a whole state cannot be used.
+ * ordernm_backwards processes steps that ordernm_go stored. Stored steps may be passed in parts, the last part first; the steps within a
+ * part are in the order of time. The motion's problem may have no directions. */
 long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
 ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, ordernm_scalar *room);
 int ordernm_backwards(ordernm_adjoint *adjoint, const ordernm_scalar *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
-/* Repeats stored steps: from the first row of steps, which contains the state; from the heads of all rows, which are ORDERNM_STEP_HEAD
- * numbers and, for switches, modes and rates of those crossed; and from the data before the first step. */
+/* Repeats stored steps. This needs the whole first row, which contains the state; the heads of all other rows, which are ORDERNM_STEP_HEAD
+ * numbers and, in models with switches, modes and rates of crossed switches; and the data before the first step. */
 enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 

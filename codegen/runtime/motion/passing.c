@@ -10,15 +10,15 @@
 #include <math.h>
 #include <string.h>
 
-/* Rate of a switching function, relative to its average in the step, below which it only touches zero. */
+/* Rate of a switching function at its zero, relative to the average rate in the step, below which the function only touches zero. */
 static const scalar GRAZING = 1e-9;
 
 /* Fractions of the motion's duration: switches passed within the first accumulate; if a switch is passed twice within the second, the
  * cause is rounding. */
 static const scalar ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
 
-/* Counts switches with a jump that are passed repeatedly in a time that is negligible for the motion. Kinks are not counted, because they
- * do not accumulate by themselves; frequent kinks have another cause, such as unbounded speeds. */
+/* Counts switches with a jump that are passed repeatedly in a time that is negligible for the motion. Switches with kinks are not counted,
+ * because kinks alone do not accumulate; frequent kinks have another cause, such as unbounded speeds. */
 static void count(ordernm_motion *m, int k)
 {
     if (m->passed == 0 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) {
@@ -29,9 +29,9 @@ static void count(ordernm_motion *m, int k)
     m->last_passed = k;
 }
 
-/* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before it; `after`, and derivatives along
- * directions in z, receive the values after it. With `follows`, switches other than those in m->crossed take the modes of their
- * functions. Returns the status of a function. */
+/* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before the switch; `after`, and derivatives
+ * along directions in z, receive the values after the switch. With `follows`, switches other than those in m->crossed take the modes of
+ * their functions. Returns the status of a function. */
 static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int follows, scalar *speed)
 {
     const long n = m->ny + m->nx;
@@ -53,7 +53,7 @@ static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scala
     return 0;
 }
 
-/* Adds a switch to those passed at the same time, or starts a new list of these. */
+/* Adds a switch to the list of switches passed at the same time, or starts a new list. */
 static void gather(ordernm_motion *m, int k)
 {
     int joins = m->ntogether && m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
@@ -67,7 +67,7 @@ static void gather(ordernm_motion *m, int k)
     m->together[m->ntogether++] = k;
 }
 
-/* Whether derivatives along a direction, entry `at` of states, differ between two orders of switches, relative to their jumps. */
+/* Whether derivatives along a direction differ between two orders of switches, relative to the jumps of these derivatives. */
 static int differ(const ordernm_motion *m, const group *of, int lane, const scalar *other)
 {
     for (long i = 0; i < m->ny + m->nx; ++i) {
@@ -130,7 +130,7 @@ static void note_time(ordernm_motion *m, int k, int *timed)
     *timed = 1;
 }
 
-/* Whether the rates after all passed switches push back to one of them. */
+/* Whether the rates after all passed switches drive the motion back to one of these switches. */
 static int slides(ordernm_motion *m, const scalar *after)
 {
     for (int k = 0; k < m->system->nswitches; ++k) {
@@ -145,8 +145,8 @@ static int slides(ordernm_motion *m, const scalar *after)
     return 0;
 }
 
-/* At the end of a step, where the functions of the switches in m->crossed are zero and rate[0] are the rates before them: updates modes,
- * rates and derivatives along directions. Returns 0, the status of a function, or SLIDES. */
+/* Passes the switches in m->crossed, whose functions are zero at the end of a step, where rate[0] are the rates before these switches.
+ * Updates modes, rates and derivatives along directions. Returns 0, the status of a function, or SLIDES. */
 int ordernm_pass_switches(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;

@@ -1,21 +1,21 @@
 /* Points of a motion at which rates, or their derivatives, may be undefined: zeros of singular functions, such as the denominator of a
- * quotient, or x^2 + y^2 for atan2(y, x). Most are harmless: sin(x)/x is smooth. So rates and their derivatives along directions are
- * evaluated on both sides of such a point, and near it. */
+ * quotient, or x^2 + y^2 for atan2(y, x). Most such points are harmless: sin(x)/x is smooth. To find the others, rates and their
+ * derivatives along directions are evaluated near the point, on both sides. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
 
-/* A singular function is evaluated at PARTS + 1 places of a step. A minimum is searched where it is nearer to zero than a fraction of its
- * largest value; it counts as zero below AT_POINT. */
+/* A singular function is evaluated at PARTS + 1 places of a step. If the function comes nearer to zero than a fraction of its largest value
+ * in the step, its minimum is searched; a minimum below AT_POINT counts as zero. */
 enum { PARTS = 4, GOLDEN = 48 };
 static const scalar LEAST_PART = 1e-14;
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
-/* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. They have no limit if
- * their changes do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a power of the distance; farther
- * away, by a parabola. A direction is lost if both show a jump: rounding errors, as in (1 - cos(x))/x^2, disturb the values near the
- * point, and square roots those farther away. */
+/* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. Rates have no limit at the
+ * point if the changes between these distances do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a
+ * power of the distance; farther away, by a parabola. Derivatives along a direction do not exist if both limits show a jump: rounding
+ * errors, as in (1 - cos(x))/x^2, disturb the limit from near values, and square roots the limit from values farther away. */
 enum { AWAY = 3, SIDES = 2*AWAY, SETS = ORDERNM_SIDES/SIDES };
 static const scalar DISTANCE[SETS][AWAY] = {{1e-2, 1e-3, 1e-4}, {0.27, 0.09, 0.03}};
 static const scalar CONVERGES = 0.8;
@@ -26,10 +26,11 @@ static const scalar BENT = 0.2;
 /* Distance of a stage from the point, relative to the step, below which it is at the point. */
 static const scalar HIT = 1e-12;
 
-/* Rates are equal if their relative difference is below SAME, or its effect on the integrated state below ROUNDING. */
+/* Rates are equal if their relative difference is below SAME, or the effect of this difference on the integrated state below ROUNDING. */
 static const scalar SAME = 2e-5, ROUNDING = 1e-9;
 
-/* Distances from the point, relative to DISTANCE. Rates jump unless their changes at a tenth of the distance fall to CONTINUOUS. */
+/* Distances from the point, relative to DISTANCE. A rate counts as continuous if, at a tenth of the distance, its changes decrease at least
+ * by the factor CONTINUOUS. */
 static const scalar BESIDE_POINT[] = {-1.0, -0.4, 0.0, 0.7};
 static const scalar CONTINUOUS = 0.3;
 
@@ -121,7 +122,7 @@ static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *p
     return 0;
 }
 
-/* Whether a singular function may be zero in the step, by its values at both ends and in the middle. */
+/* Whether the values of a singular function at both ends and in the middle of the step permit a zero. */
 static int may_pass(const ordernm_motion *m, int k)
 {
     const int n = m->system->nswitches;
@@ -139,8 +140,8 @@ static int look_at(ordernm_motion *m, scalar h, int i)
     return look(m, m->t + h*PART*i, m->trial, m->singular + i*m->system->nswitches);
 }
 
-/* All singular functions at the places of a step: at its start (known from the previous step), in its middle, and at its end; only where
- * one may be zero at the other places, too. Returns whether one may be. */
+/* Evaluates all singular functions at the start (known from the previous step), middle and end of a step; if one may be zero in the step,
+ * at all places. Returns whether one may be zero. */
 static int look_at_places(ordernm_motion *m, const trial *step)
 {
     const ordernm_system *const s = m->system;

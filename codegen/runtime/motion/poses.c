@@ -1,8 +1,8 @@
 /* Poses where a loop loses rank, such as a flat parallelogram: a motion passes them between the stages of a step.
  *
- * Near such a pose, the condition number of the closure grows like 1/|t - pose|, and rounding errors of accelerations with its square
- * or cube. The stages of a method need not come near: the condition numbers at the stages of a tried step give the time of the pose,
- * and the step is repeated so that the pose is in the widest gap between them. */
+ * Near such a pose, the condition number of the closure grows like 1/|t - pose|, and rounding errors of accelerations with its square or
+ * cube. The stages of a step can keep away from the pose: the condition numbers at the stages of a tried step give the time of the pose,
+ * and the step is repeated so that the pose is in the widest gap between stages. */
 #include "inside.h"
 
 #include <math.h>
@@ -69,8 +69,8 @@ int ordernm_find_pose(ordernm_motion *m, scalar h)
  * which an error caused by the step size decreases with the step. */
 static const scalar BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
 
-/* Whether the error of a step across a pose is due to rounding: it did not decrease with the step size, and constants in double precision
- * explain it. Smaller steps would only come nearer to the pose. */
+/* Whether rounding explains the error of a step across a pose: the error did not decrease with the step size, and is as small as errors of
+ * constants in double precision permit. Smaller steps would only come nearer to the pose. */
 int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
 {
     if (!(m->pose > m->t && m->pose < m->t + h && fabs(m->pose - m->refused_pose) < h)) return 0;
@@ -100,7 +100,7 @@ scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 
 /* ---- Results at a pose. ---- */
 
-/* Positions near a pose, relative to the step, and weights of Lagrange's interpolation with all six and with the inner four of them. */
+/* Positions near a pose, relative to the step, and weights of Lagrange's interpolation from all six and from the inner four positions. */
 static const scalar OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
 static const scalar SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
 
@@ -108,7 +108,7 @@ static const scalar SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BES
  * pose. The same holds if the difference of both sides grows towards the pose, as for 1/(t - pose). */
 static const scalar SAME = 1e-6, SAME_TOLERANCES = 1e3;
 
-/* Interpolates rows and states at the pose from those near it. Returns -1 if values do not exist. */
+/* Interpolates rows and states at the pose from rows and states near the pose. Returns -1 if values do not exist. */
 static int at_pose(ordernm_motion *m, scalar t, long size)
 {
     const ordernm_problem *const p = m->problem;

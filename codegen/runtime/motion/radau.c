@@ -1,15 +1,15 @@
 /* Radau IIA of order 5 with three stages, for stiff systems: a step, its error, and the interpolant.
  *
- * E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, section IV.8, and their code
- * RADAU5. The stages z + Z[i] satisfy Z[i] = h*sum(a[i][j]*rate[j]). With A^-1 = T*L*T^-1, where L contains one real eigenvalue
- * and a pair of complex ones, Newton's method on W = T^-1*Z needs one real and one complex factorisation of the size of the
- * state. The Jacobian J is exact. It is kept while Newton's method converges fast, and its factors while the step keeps its size.
+ * E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, section IV.8, and their code RADAU5. The
+ * stages z + Z[i] satisfy Z[i] = h*sum(a[i][j]*rate[j]). With A^-1 = T*L*T^-1, where L contains one real eigenvalue and a pair of complex
+ * ones, Newton's method on W = T^-1*Z needs one real and one complex factorisation of the size of the state. The Jacobian J is exact. It is
+ * used again while Newton's method converges fast, and its factors while the step size is the same.
  *
- * The unknowns are the n independent coordinates and speeds. Integrals are sums of the stages' outputs, computed afterwards.
- * Predictions of dependent coordinates are the values that closed the loops at a stage in Newton's last iteration.
+ * The unknowns are the n independent coordinates and speeds. Integrals are sums of the stages' outputs, computed afterwards. At each stage,
+ * dependent coordinates are predicted by their values from Newton's previous iteration.
  *
- * Derivatives are those of the step actually made. Their error is the error of Z times second derivatives. So, with directions or
- * with steps stored for the adjoint, Newton's method continues further below the tolerance. */
+ * Derivatives are those of the step actually made. Their error is the error of Z times second derivatives. So, with directions or with
+ * steps stored for the adjoint, Newton's method continues further below the tolerance. */
 #include "radau.h"
 
 #include <math.h>

@@ -7,10 +7,10 @@
  *     sum_j (A^-1)_ji mu_j/h - f_z(Y_i)^T mu_i = right_i,
  *     lambda <- lambda + ... + sum f_z(Y_i)^T mu_i + g_z(Y_i)^T gamma_i,  gradient += f_p(Y_i)^T mu_i + g_p(Y_i)^T gamma_i.
  *
- * These are the transposed equations of the stages' derivatives. They are solved in rounds: approximate factors reduce the residual
- * of the right sides; then exact transposes give the new residual, and contributions to the gradient. In small systems, the factors
- * are those of all three stages' own Jacobians, so one round almost suffices. Otherwise they are those of one Jacobian, at the middle
- * of this step or of a later one. */
+ * These are the transposed equations of the stages' derivatives. The equations are solved in rounds: approximate factors reduce
+ * the residual; then exact transposes give the new residual, and contributions to the gradient. In small systems, the factors are
+ * those of the Jacobians at all three stages, so one round almost suffices. In large systems, they are those of one Jacobian, at
+ * the middle of this step or of a later one. */
 #include "backwards.h"
 #include "radau.h"
 
@@ -20,7 +20,7 @@
 enum {
     ROUNDS = 60,
     LARGEST_FORMED = 32,      /* largest order of a system whose Jacobians at the stages are formed immediately */
-    OLD = 0, FRESH, FORMED    /* kinds of factors, from existing ones to those of the equations themselves */
+    OLD = 0, FRESH, FORMED    /* kinds of factors: of an earlier step, of this step, of the stages' own Jacobians */
 };
 
 /* Relative change of the solution by a round at which it has converged. */
@@ -124,7 +124,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *con
     return DIVERGED;
 }
 
-/* One group of functionals through one step: lambda at its end becomes lambda at its start. */
+/* The adjoint of one step for one group of functionals: lambda at the end of the step becomes lambda at its start. */
 static int group_backwards(ordernm_adjoint *a, int n, scalar h)
 {
     ordernm_motion *const m = a->motion;

@@ -32,8 +32,9 @@ int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, sc
     return 0;
 }
 
-/* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the
- * complex value. Their columns of J, divided by s, are added to those of their partners, and times b[e]/s to right sides. */
+/* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the complex
+ * value. The column of J for such a coordinate, divided by s, is added to the column of the partner; the column times b[e]/s is added to
+ * the right side. */
 static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;
@@ -254,8 +255,8 @@ void ordernm_radau_correct(ordernm_motion *m, scalar h, long at, int width)
     }
 }
 
-/* Solves with the transposed matrix M^T of the stages' equations, as if J were the same at all stages; right is [n][width] for each
- * stage. The transformation is transposed, too, so the complex pair is conjugate to that above. */
+/* Solves with the transposed matrix M^T of the stages' equations, as if J were the same at all stages; right is [n][width] for each stage.
+ * Since the transformation is transposed, too, the complex pair is conjugate to the pair above. */
 void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const *right, scalar *const *mu, int width)
 {
     const int n = r->n*width;
@@ -379,8 +380,8 @@ void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *con
 
 /* ---- Rates at stages. ---- */
 
-/* Rates at a stage, along one group or none; its directions are those at the stage, or at the start of the step with `beginning`. Stores
- * the predictions of dependent coordinates there. */
+/* Rates at a stage, along one group or none; derivatives along the group are those at the stage or, with `beginning`, at the start of the
+ * step. Stores the dependent coordinates at the stage as predictions. */
 int ordernm_radau_rates(ordernm_motion *m, scalar h, int i, const group *g, int beginning, int what)
 {
     struct radau *const r = m->radau;

@@ -1,11 +1,10 @@
 /* Derivatives of Radau IIA's stages along the directions of a group.
  *
- * They are the derivatives of the step actually made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
- * Jacobian at every stage. For small systems, these Jacobians are formed, and the equations of all three stages are factorised once
- * for all directions; the last Jacobian is also used by Newton's method in the next step. For large systems, the equations are
- * solved in sweeps: the system's functions give the right sides along all directions of a group at once, and the existing factors
- * correct dZ as they correct Z. If the sweeps fail, Jacobians are formed as for small systems, so that steps are the same with and
- * without directions. */
+ * These are the derivatives of the step actually made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
+ * Jacobian at every stage. For small systems, these Jacobians are formed, and the equations of all three stages are factorised once for all
+ * directions; the last Jacobian is also used by Newton's method in the next step. For large systems, the equations are solved in sweeps:
+ * the system's functions give the right sides along all directions of a group at once, and the existing factors correct dZ in the same way
+ * as Z. If the sweeps fail, Jacobians are formed as for small systems, so that steps are the same with and without directions. */
 #include "radau.h"
 
 #include <math.h>
@@ -63,7 +62,7 @@ static int form(ordernm_motion *m, scalar h)
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
 }
 
-/* Whether derivatives along a direction were found, or do not exist because the rates have none; in the latter case they become NaN. */
+/* Whether derivatives along a direction were found, or do not exist because rates have none; in the latter case sets them to NaN. */
 static int has_values(const struct radau *r, const group *g, int lane)
 {
     int none = 0, finite = 1;

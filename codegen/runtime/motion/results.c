@@ -34,7 +34,7 @@ static void keep_row(ordernm_results *r, const scalar *row, long size)
     ++r->count;
 }
 
-/* Stores results at a state. Returns the reason for the motion's end if they cannot be computed. At a pose, uses the interpolated row. */
+/* Stores results at a state. Returns the reason for the motion's end if this fails. At a pose, uses the interpolated row. */
 int ordernm_keep(ordernm_motion *m, scalar t, const scalar *z)
 {
     const int known = m->row_known && m->known_row[0] == t;

@@ -22,7 +22,7 @@ static long precise_numbers(const ordernm_system *s)
     return s->workspace + values + LANES*(3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + 1);
 }
 
-/* Groups of directions, and the size of states with them. */
+/* Lays out the groups of directions, and sets the size of states with derivatives. */
 static void lay_out_groups(ordernm_motion *m, memory *of, int at)
 {
     const ordernm_problem *const p = m->problem;

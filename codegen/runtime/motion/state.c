@@ -34,8 +34,8 @@ void ordernm_normalise(scalar *e, scalar *de, int width)
     }
 }
 
-/* Newton's steps along tangents increase the norm of quaternions, and predictions have any norm: dependent quaternions are normalised. If
- * a joint shares them with independent entries, they keep the norm `before`. */
+/* Newton's steps along tangents increase the norm of quaternions, and predictions have any norm: dependent quaternions are normalised. If a
+ * quaternion also has independent entries, it keeps the norm `before`. */
 static void keep_lengths(ordernm_motion *m, const scalar *before)
 {
     const ordernm_system *const s = m->system;
@@ -51,7 +51,7 @@ static void keep_lengths(ordernm_motion *m, const scalar *before)
 
 /* ---- Arguments of the system's functions. ---- */
 
-/* All coordinates and speeds of a state, in m->q and m->u, with dependent ones as predicted. */
+/* Writes all coordinates and speeds of a state to m->q and m->u; dependent coordinates are the predictions. */
 void ordernm_expand(ordernm_motion *m, const scalar *z)
 {
     const ordernm_system *const s = m->system;

@@ -15,16 +15,16 @@ static const scalar LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
 /* With derivatives, steps are limited to this fraction of the stability limit. Beyond it, errors of a fast component grow from step to
- * step. They start as rounding errors of the state; before they are visible there, they have grown by many orders of magnitude in
+ * step. These errors start as rounding errors. Before they are visible in the state, they have grown by many orders of magnitude in
  * derivatives. */
 static const scalar STABLE = 4.5;
 
-/* Differences of rates and states at two stages show the largest eigenvalue only where they exceed rounding. After a step near the limit,
- * it is computed separately in this number of steps. */
+/* The differences of rates and states at two stages give the largest eigenvalue only where the differences exceed rounding. After a step
+ * near the limit, the eigenvalue is computed separately in this number of steps. */
 enum { FAST_STEPS = 50 };
 static const scalar NEARLY_STABLE = 2.0;
 
-/* Error of a step that must be rejected: rates jump between the last two stages, both at the step's end. */
+/* Error assigned to a step that must be rejected because rates differ between the last two stages, which are both at the step's end. */
 static const scalar JUMPS = 1e3;
 
 /* The first step size (E. Hairer, S. P. Norsett, G. Wanner, section II.4). Returns the status of a function. */
@@ -70,7 +70,8 @@ int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
  * rank, at a condition above POOR, steps shrink for another reason. */
 static const scalar STEEP = 3.0, MORE = 1e4, ROUNDED_ERROR = 1e-14, POOR = 30.0;
 
-/* Multiplies the error of a step in a steep layer. If the error falls by less than the step size, it is rounding: this ends the layer. */
+/* Multiplies the error of a step in a steep layer. If the error decreases less than the step size, it is due to rounding: this ends the
+ * layer. */
 void ordernm_count_more(ordernm_motion *m, trial *step)
 {
     if (!m->derived || !m->adaptive || m->t >= m->layer_end || !(step->error > 0.0 && step->error < INFINITY)) return;

@@ -4,10 +4,11 @@
 #include <math.h>
 #include <string.h>
 
-/* Limits of condition numbers if derivatives are needed, forward or by the adjoint. Near a pose, rounding changes derivatives by its size
- * times condition number^3, times a factor of ten to a hundred; but both methods must agree to rounding. A condition number that is
- * always large follows from the mechanism's proportions and is harmless. So the limit is a multiple of the smallest condition number so
- * far, WORSE_IN_LONG_STEPS for the method of order 8, and at most POOR_IN_ANY_CASE. TOO_POOR_FOR_DERIVATIVES limits all stages. */
+/* Limits of condition numbers if derivatives are needed, forward or by the adjoint. Near a pose where a loop loses rank, rounding errors of
+ * derivatives are multiplied by condition number^3, times a factor of ten to a hundred; but forward derivatives and the adjoint must agree
+ * to rounding. A condition number that is always large follows from the mechanism's proportions and is harmless. So the limit is WORSE (for
+ * the method of order 8, WORSE_IN_LONG_STEPS) times the smallest condition number so far, and at most POOR_IN_ANY_CASE.
+ * TOO_POOR_FOR_DERIVATIVES limits all stages. */
 static const scalar WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
 
 /* Sets limits for derivatives, forward or by the adjoint; `best` is the smallest condition number at the start of a step so far. */
@@ -28,7 +29,7 @@ void ordernm_note_best(ordernm_motion *m)
 }
 
 /* The end of a step becomes the start of the next one; `knot` is the knot of the inputs that followed the start of this step. A state
- * interpolated at a pose is already settled. Repeated steps use this function, too, so that rounding is the same. */
+ * interpolated at a pose is already settled. Repetitions of stored steps also use this function, so that rounding errors are the same. */
 int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, const scalar *modes)
 {
     int status;

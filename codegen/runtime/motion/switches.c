@@ -1,7 +1,7 @@
 /* Switches: where forces or outputs change their branch.
  *
- * Within a step every switch keeps its mode, the sign of its switching function, so that the rates are smooth in a step. If a
- * switching function changes its sign, the step is repeated so that it ends there; then passing.c changes the mode. */
+ * Within a step every switch keeps its mode, the sign of its switching function, so that the rates are smooth in a step. If a switching
+ * function changes its sign, the step is repeated so that it ends at the zero; then passing.c changes the mode. */
 #include "inside.h"
 
 #include <math.h>
@@ -93,8 +93,9 @@ int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const sca
     return status;
 }
 
-/* The switch that determines the time of a crossed switch, and the rate of its function. It is the crossed switch itself, unless its function is
- * zero after another switch crossed there, as in sign(max(0, x)): then it is that one. Returns the status of a function. */
+/* The switch that determines the time of a crossed switch, and the rate of its function. This is the crossed switch itself, unless another
+ * switch crossed at the same time makes the function zero, as in sign(max(0, x)): then it is the other switch. Returns the status of a
+ * function. */
 int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
     int *by)
 {
@@ -134,7 +135,7 @@ static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
-/* Gives switches other than the crossed ones the modes of their functions, unless the side is unknown. */
+/* Sets the mode of each switch that is not crossed to the sign of its function, unless this sign is unknown. */
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
     int status = ordernm_switching(m, t, z);
@@ -157,7 +158,7 @@ int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scal
     return 0;
 }
 
-/* Distances of switching functions from zero at the start of a step, on the side of their modes. */
+/* Values of switching functions at the start of a step, times the sign that each mode requires. */
 int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
 {
     const int status = ordernm_switching(m, t, z);

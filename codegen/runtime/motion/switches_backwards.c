@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-/* The adjoint before the switches crossed at the start of the next step, whose modes are in a row; the current modes are those before.
- * Functionals may depend on the time of the last switch. */
+/* The adjoint before the switches crossed at the start of the next step. The modes after these switches are in that step's row; the current
+ * modes are those before. Functionals may depend on the time of the last switch. */
 int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, const scalar *row)
 {
     ordernm_motion *const m = a->motion;

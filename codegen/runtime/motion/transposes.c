@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-/* Adds the results of transposes, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
+/* Adds the results of transposed functions, such as c->dq, to an adjoint of the state and to the gradients of a group. */
 static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
