@@ -249,8 +249,7 @@ def _couplings(
     ears: Sequence[EarLinks],
     contributor: dict[int, int],
 ) -> Elimination:
-    """Couplings as blocks: the link to which the rows belong, the units that contribute, and the memory slots of the
-    blocks."""
+    """Coupling blocks: the link to which the rows belong, the contributing units, and the memory slots of the blocks."""
     place: dict[int, tuple[int, int]] = {}
     of_region: dict[int, Partners] = {}
     for n, unit in enumerate(order):

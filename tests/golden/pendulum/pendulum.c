@@ -26,7 +26,8 @@ typedef int status;
 #define MORE_OF_A_CALL
 #endif
 
-/* By default this file has all functions of the header. It can also be compiled as libraries, or units of them: see model.json. */
+/* By default this file has all functions of the header. This file can also be compiled as several libraries, or as units of a library: see
+ * model.json. */
 #ifndef ORDERNM_LIBRARY
 #define ORDERNM_LIBRARY 0
 #endif
@@ -75,7 +76,7 @@ enum {
     SINE = ANGLES,
 };
 
-/* Arrays of vectors may alias numbers. Arrays of numbers need not, so compilers keep more of them in registers. */
+/* Vectors may alias numbers. Arrays of numbers are not declared so, and compilers keep more of these numbers in registers. */
 #define ALIASES_8 MAY_ALIAS
 #define ALIASES_2 MAY_ALIAS
 #define ALIASES_1
@@ -144,8 +145,8 @@ static const number numbers_of_constants_0[1][9] = {
 };
 
 #ifdef ORDERNM_VECTORS
-/* Number of angles whose sines are computed at once: at most four, even if vectors hold eight, since the scalar code around them would
- * wait longer than a vector of eight saves. With several states it is one angle of each. */
+/* Number of angles whose sines are computed at once: at most four, even if vectors hold eight, since scalar code would wait longer for
+ * eight sines than a vector of eight saves. With several states it is one angle of each. */
 #ifdef ORDERNM_STATES
 enum { ANGLES_AT_ONCE = 1 };
 typedef vector_8 angles_at_once;
@@ -155,8 +156,8 @@ typedef double angles_at_once __attribute__((vector_size(8*ANGLES_AT_ONCE), alig
 #endif
 #endif
 
-/* Writes four angles in the vectors in which they are read later: processors stall on reading a vector whose entries have just been
- * written one by one. */
+/* Writes four angles as vectors, as they are read later: processors stall if they read a vector whose entries have just been written one by
+ * one. */
 #if defined(ORDERNM_VECTORS) && defined(__AVX__) && !defined(ORDERNM_STATES)
 #define PUT_ANGLES(to, a, b, c, d) *(angles_at_once *)(to) = (angles_at_once){a, b, c, d}
 #else
