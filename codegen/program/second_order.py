@@ -101,12 +101,16 @@ def _value(d: Tangents, e: Expr) -> Expr:
     for term in special:
         b, c = term.args
         terms.append(_along(d, d.value(b), c))
-        if isinstance(c, Symbol) and c in d.of:
-            terms.append(_along(d, d.of[c], b))
+        changed = d.value(c)
+        if changed is not algebra.ZERO:
+            terms.append(_along(d, changed, b))
     return algebra.add(*terms)
 
 
 def _along(d: Tangents, along: Expr, factor: Expr) -> Expr:
+    """A value per direction times a factor that may be infinite."""
+    if along is algebra.ZERO:
+        return algebra.ZERO
     sign, symbol = (algebra.ONE, along) if along.is_Symbol else algebra.coefficient(along)
     return Along(symbol, d.expansion.let("d", sign * factor, "primitive"))
 

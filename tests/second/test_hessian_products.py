@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from prescribed_models import with_prescribed
 from random_elements import with_random_elements
-from random_models import EVERY, random_seeds, random_state, random_tree
+from random_models import EVERY, RandomState, random_seeds, random_state, random_tree
 from rotor_models import with_rotors
 
 import codegen
@@ -91,6 +91,13 @@ def test_a_pendulum_has_the_hessian_of_its_closed_form(pendulum: codegen.Solver)
     H = np.concatenate([found.q, found.u, found.p], axis=1)
     assert np.abs(H - expected).max() < 1e-14 * np.abs(expected).max()
     assert found.inputs.shape == (5, 0) and not found.t.any()
+    given = {"q": [[q], [q]], "u": [[0.4], [0.1]], "p": [g, length, 2.0], "weights": [w]}
+    whole = pendulum.hessians(**given)
+    assert whole.shape == (2, 5, 5) and (whole == H.T).all()
+    by_p_and_t = pendulum.hessians(**given, wrt="t, p")
+    assert (by_p_and_t[0, :3, :3] == H.T[2:, 2:]).all() and not by_p_and_t[:, 3].any()
+    with pytest.raises(ValueError, match="wrt: the model has no inputs; choose others of q, u, p, inputs, t"):
+        pendulum.hessians(**given, wrt="inputs")
 
 
 def test_models_with_loops_are_refused(tmp_path: Path) -> None:
@@ -114,6 +121,23 @@ def test_messages_name_the_weights(pendulum: codegen.Solver) -> None:
         pendulum.hessian_products(q, u, weights=[1.0, 2.0], dq=[1.0])
     with pytest.raises(ValueError, match="no seed given"):
         pendulum.hessian_products(q, u, weights=[1.0])
+
+
+def test_powers_with_varying_exponents_in_formulas(tmp_path: Path) -> None:
+    """Their tangents guard against infinite factors, which have tangents, too."""
+    text = """
+model: powers
+parameters: {a: 0.7, b: 1.2}
+bodies:
+  bar: {parent: ground, joint: {type: revolute, axis: [0, 0, 1]}, mass: 1.0, inertia: {xx: 1, yy: 1, zz: a*b}}
+forces:
+  drive: {type: joint, joint: bar, value: -b*(1 + 0.3*a)**(t/2)*q.bar**3 + sqrt(2 + u.bar)**(a*t)}
+"""
+    solver = made(codegen.parse_model(text), tmp_path)
+    state = RandomState(np.array([0.4]), np.array([0.2]), np.array([0.7, 1.2]), np.zeros(0), 0.9)
+    H, reference = (f(solver, state, np.array([1.3])) for f in (hessian, differences))
+    assert np.abs(H[-1]).min() > 0.01
+    assert np.abs(H - reference).max() < 1e-14 * np.abs(reference).max()
 
 
 @pytest.mark.parametrize("seed", range(4))

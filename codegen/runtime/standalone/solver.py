@@ -26,9 +26,10 @@ from .motion.functionals import Functional, Judged
 from .motion.ode import Ode
 from .motion.run import Progress
 from .motion.settings import ATOL, METHOD, MOST_STEPS, RTOL, Settings, Start
-from .state.derivatives import HESSIAN_PRODUCTS, Gradients, HessianProducts, Jacobians
+from .state.derivatives import Gradients, HessianProducts, Jacobians
 from .state.frame_motion import FrameMotion, PointMotion
 from .state.frames import Bodies, Frames, Points
+from .state.hessians import Hessians
 from .state.jacobians import jacobians
 from .state.reactions import JointLinks, joint_links, reaction_sensitivities_of, reactions_of
 from .state.weighted_gradients import WeightedGradients
@@ -973,12 +974,48 @@ class Solver(Package):
         >>> pendulum.hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0]).q.round(3)  # g sin(q)
         array([[4.703]])
         """
-        given = (q, u, p, inputs, t, weights)
-        try:
-            return HessianProducts(*self._call(HESSIAN_PRODUCTS, given, (dq, du, dp, dinputs, dt), out))
-        except ValueError:
-            self._arguments.array("weights", weights, "weights")  # whose message has the name that users know
-            raise
+        return self._hessians.products((q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
+
+    def hessians(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
+        wrt: str | Sequence[str] | None = "q, u, p",
+    ) -> Array:  # fmt: skip
+        """Return the Hessian of ``sum_i weights_i udot_i``, exact to rounding.
+
+        One product with a direction for every column, see `hessian_products`. The matrix is symmetric to rounding.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+        weights : array_like (..., nu)
+            Weights of the entries of udot.
+        wrt : str or iterable of str, optional
+            Variables of rows and columns, of q, u, p, inputs and t; always in this order. None for all.
+
+        Returns
+        -------
+        ndarray (..., n, n)
+            n is the number of entries of these variables.
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, a number is not finite, or `wrt` names no variable.
+
+        Examples
+        --------
+        >>> pendulum.hessians([0.5], [0.0], weights=[1.0], wrt="q, u").round(3)
+        array([[4.703, 0.   ],
+               [0.   , 0.   ]])
+        """
+        return self._hessians.matrix((q, u, p, inputs, t, weights), wrt)
+
+    @functools.cached_property
+    def _hessians(self) -> Hessians:
+        return Hessians(self)
 
     # -- energies ------------------------------------------------------------------------------------------------------
 

@@ -98,7 +98,7 @@ MADE_OF = {
     **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
     **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
-    "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
+    "initial_sensitivities": ("assemble_sensitivities", *CLOSING), "hessians": ("hessian_products",),
 }  # fmt: skip
 """Methods, each with the generated functions of other names that it calls."""
 
@@ -108,7 +108,7 @@ SOMETIMES = (
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "hessian_products", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "assemble_gradients", "hessian_products", "hessians", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that some packages lack."""
