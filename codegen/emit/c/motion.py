@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...model.model import Model
+from ...model.steep import has_steep_functions
 from ...model.switches import KINDS
 from ...program.procedure import Procedure
 from ...version import __version__
@@ -39,9 +40,9 @@ COUNTERS = {
 MEMBERS = (
     "nq", "nu", "np", "ninputs", "noutputs", "nclosure", "nloops", "plain_rates", "workspace", "nfree_q", "nfree_u", "free_q",
     "free_u", "nquaternions", "quaternion", "nkept", "kept", "ndropped", "dropped", "apart", "slack", "split", "nswitches",
-    "switch_kind", "drives", "nswitch_outputs", "switch_of_output", "nmoving", "moving", "state_rates", "closing_step",
-    "completion", "outputs", "switches", "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities",
-    "switch_sensitivities",
+    "switch_kind", "drives", "nswitch_outputs", "switch_of_output", "steep", "nmoving", "moving", "state_rates",
+    "closing_step", "completion", "outputs", "switches", "state_rate_sensitivities", "completion_sensitivities",
+    "output_sensitivities", "switch_sensitivities",
 )  # fmt: skip
 """Members of ``ordernm_system`` in the order of its declaration, which C++ initialisers require."""
 
@@ -151,6 +152,8 @@ def _sizes(
             found[table] = table
     if "switches" in functions:
         found["nswitches"] = len(tables["drives"])
+    if has_steep_functions(model):
+        found["steep"] = 1
     if tables["dropped"]:
         found["apart"] = repr(allowed)
     if manifest.get("redundant"):

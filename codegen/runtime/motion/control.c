@@ -43,6 +43,7 @@ static int begin(ordernm_motion *m)
     ordernm_note_best(m);
     int status = m->nheld ? ordernm_choose_modes(m, m->t, m->z) : 0;
     if (!status) status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    if (!status && m->flowing) status = ordernm_begin_flow(m);
     ordernm_note_precise(m, 0);
     if (ordernm_wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return ordernm_failed(m->results, status);
@@ -104,6 +105,31 @@ static int comes_apart(ordernm_motion *m, const trial *step)
     return !(m->apart_at_end <= m->system->apart);
 }
 
+/* Errors of derivatives below this limit do not affect the next step. */
+static const scalar SMALL = 0.01;
+
+/* Counts errors of derivatives along the motion as errors of a step, except near a singular point or without held modes, where
+ * other functions examine them. */
+static void count_flow(ordernm_motion *m, trial *step)
+{
+    const scalar error = ordernm_error_along_flow(m, step->h, step->error, m->rate[m->method->stages]);
+    if (!(error > fmax(step->error, SMALL))) return;
+    for (int i = 0; i < m->nheld; ++i)
+        if (m->let_go[m->held[i]] != 0.0) return;
+    if (error > 1.0 && ordernm_near_point(m, step)) return;
+    step->error = error;
+    if (m->advice > 1.0) m->advice = 0.0; /* an implicit method's advice ignores this larger error */
+}
+
+/* Adds the error of derivatives along the motion of a constant step, relative to the rates, to the results. */
+static void note_flow(ordernm_motion *m, const trial *step)
+{
+    ordernm_results *const r = m->results;
+    if (!(ordernm_error_along_flow(m, step->h, 1.0, m->rate[m->method->stages]) > 1.0) || ordernm_near_point(m, step)) return;
+    r->coarse_along += m->flow_error;
+    if (m->flow_error > r->coarsest_along) r->coarsest_along = m->flow_error, r->coarse_along_at = m->t;
+}
+
 /* Tries a step. Returns the status of a function, or -1 if loops do not close or close on another branch. */
 static int attempt(ordernm_motion *m, trial *step)
 {
@@ -114,9 +140,9 @@ static int attempt(ordernm_motion *m, trial *step)
     m->root = -1;
     m->row_known = m->complete = m->closed_known = 0;
     for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
+    if (m->flowing) ordernm_set_flow(m);
     int status = method->step(m, step->h, &step->error);
     if (p->fixed && step->error < INFINITY) step->error = 0.0;
-    if (!status) ordernm_count_more(m, step);
     if (!method->gives_rate && !status && step->error > 1.0 && step->error < INFINITY && ordernm_rounded_at_pose(m, step->h, step->error))
         step->error = 1.0;
     int good = !status && step->error <= 1.0;
@@ -135,6 +161,7 @@ static int attempt(ordernm_motion *m, trial *step)
     if (status || step->again || !good) return status;
     if (m->nd && m->adaptive && ordernm_jumped(m, m->next)) return -1;
     if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
+    if (m->flowing && m->adaptive) count_flow(m, step);
     if (!(step->error <= 1.0)) return 0;
     if (m->nd && (step->dead = ordernm_dead_point_within(m, step->h)) > 0.0) return 0;
     if ((step->apart = comes_apart(m, step))) return 0;
@@ -217,7 +244,6 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     }
     ++r->rejected;
     r->component = ordernm_worst_entry(m);
-    if (!status) ordernm_note_layer(m, step);
     const scalar change = ordernm_after_failure(m, status ? NAN : step->error);
     /* ignores advice to enlarge the step: the method has not detected the reason for the rejection */
     m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);
@@ -275,6 +301,7 @@ static int accept(ordernm_motion *m, const trial *step)
     if (p->ntimes && (reason = ordernm_sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
     ordernm_note_coarse(m, step->h);
+    if (m->flowing && p->method == ORDERNM_RK4) note_flow(m, step);
     if (m->flat[0] > m->t && m->flat[0] <= step->end && r->flat_count < r->flat_capacity)
         memcpy(r->flat + r->flat_count++*(1 + 2L*m->system->nq), m->flat, (1 + 2L*m->system->nq)*sizeof(scalar));
     if (r->steps) ordernm_keep_step(m, step->h);

@@ -70,25 +70,51 @@ int ordernm_worst_entry(const ordernm_motion *m)
     return worst;
 }
 
-/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank. Near such poses, steps
- * that may be too long are compared with Simpson's rule on the interpolant; step and rule are of order 4. The results contain the sum of
- * the differences, relative to the state. */
+/* Two quadratures of the interpolant's rates, by places in a step and factors at its start, at these places and at its end. */
+enum { PLACES = 3 };
+typedef struct {
+    int count;
+    scalar place[PLACES], factor[PLACES + 2];
+} quadrature;
+
+static const quadrature simpson = {1, {0.5}, {1.0/6.0, 4.0/6.0, 1.0/6.0}};
+static const quadrature in_halves = {3, {0.25, 0.5, 0.75}, {1.0/12.0, 4.0/12.0, 2.0/12.0, 4.0/12.0, 1.0/12.0}};
+
+/* The largest difference between a constant step and a quadrature, relative to the state; its entry. */
+static scalar difference(ordernm_motion *m, scalar h, const quadrature *of, int *entry)
+{
+    scalar *const *const k = m->rate, *const sum = m->error[0], *const rates = m->error[1], largest = 0.0;
+    for (int i = 0; i < m->ny; ++i) sum[i] = of->factor[0]*k[0][i] + of->factor[of->count + 1]*k[RK4_STAGES][i];
+    for (int j = 0; j < of->count; ++j) {
+        m->method->interpolate(m, h, of->place[j], m->trial);
+        if (ordernm_rates_of(m, m->t + of->place[j]*h, m->trial, rates, 0, 0, RATES)) return 0.0;
+        for (int i = 0; i < m->ny; ++i) sum[i] += of->factor[j + 1]*rates[i];
+    }
+    for (int i = 0; i < m->ny; ++i) {
+        const scalar error = h*fabs((k[0][i] + 2.0*(k[1][i] + k[2][i]) + k[3][i])/6.0 - sum[i])/(1.0 + fabs(m->z[i]));
+        if (error > largest) largest = error, *entry = i;
+    }
+    return largest;
+}
+
+/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank; in models with steep
+ * functions, anywhere. There, steps that may be too long are compared with a quadrature of order 4 on the interpolant. The results
+ * contain the sum of the differences, relative to the state. */
 void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;
-    scalar *const middle = m->error[0], *const *const k = m->rate;
-    if (m->problem->method != ORDERNM_RK4 || !m->nd) return;
-    scalar apart = 0.0, largest = 0.0;
-    for (int i = 0; i < m->ny; ++i) apart = fmax(apart, fabs(k[1][i] - k[2][i])/(1.0 + fabs(m->z[i])));
+    scalar *const *const k = m->rate, apart = 0.0;
+    const int steep = m->system->steep;
+    int entry = 0;
+    if (m->problem->method != ORDERNM_RK4 || !(m->nd || steep)) return;
+    for (int i = 0; i < m->ny; ++i) {
+        const scalar middle = fabs(k[1][i] - k[2][i]), ends = steep ? fabs(k[0][i] - k[1][i] - k[2][i] + k[3][i]) : 0.0;
+        apart = fmax(apart, fmax(middle, ends)/(1.0 + fabs(m->z[i])));
+    }
     if (h*apart < LOOKED_AT) return;
     const scalar condition = r->condition, here = r->condition_here;
-    m->method->interpolate(m, h, 0.5, m->trial);
-    if (!ordernm_rates_of(m, m->t + 0.5*h, m->trial, middle, 0, 0, RATES))
-        for (int i = 0; i < m->ny; ++i) {
-            const scalar error = h/6.0*fabs(2.0*(k[1][i] + k[2][i]) + k[3][i] - 4.0*middle[i] - k[4][i]);
-            largest = fmax(largest, error/(1.0 + fabs(m->z[i])));
-        }
-    r->coarse += largest;
-    if (largest > r->coarsest) r->coarsest = largest, r->coarse_at = m->t;
+    const scalar error = difference(m, h, steep ? &in_halves : &simpson, &entry);
+    r->coarse += error;
+    if (error > r->coarsest) r->coarsest = error, r->coarse_at = m->t, r->coarse_entry = entry;
     r->condition = condition, r->condition_here = here;
 }

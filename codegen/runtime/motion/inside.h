@@ -9,6 +9,7 @@
  *     explicit, radau, passing, points, powers             one step; passing a switch; singular points; unbounded derivatives
  *     radau_sensitivities, switches, poses, dead_points    derivatives of a step; modes; poses where loops lose rank
  *     radau_equations, report, errors                      equations of a step; a row of results; errors of steps
+ *     flow                                                 derivatives along the motion
  *     state, linear, extremes                              one state with closed loops; linear equations; extrema of outputs
  *     inputs, sizes, sums                                  splines; lengths of rows; sums of rates
  *
@@ -113,7 +114,10 @@ struct ordernm_motion {
     int identity;             /* all coordinates and speeds are independent: z has the layout of the system's arrays */
     long values, size;        /* doubles of z without and with derivatives */
     int ngroups;
-    group *groups;
+    group *groups;            /* [ngroups + 1] the last one is the direction of the motion itself, see flow.c */
+    int flowing;              /* whether derivatives along this last direction are computed */
+    scalar flow_error, flow_step, flow_at; /* error along it, size and start of the step that was tried last */
+    int flow_unknown;         /* whether these derivatives of rates must be computed anew at the start of the next step */
     int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */
@@ -178,9 +182,6 @@ struct ordernm_motion {
     int beside_power;         /* a power or root is zero so near to the step that rates may change as steeply as if they jumped */
     scalar root_end;          /* end of the last step that started or ended at the zero of a root; else -INFINITY */
     ordernm_results *results;
-    scalar layer_end;         /* time up to which errors of steps are multiplied, in a steep layer; else -INFINITY */
-    scalar layer_more;        /* factor on the errors in the layer */
-    scalar layer_error, layer_step, layer_at; /* error, size and start of the step that was tried last in the layer */
     scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
     scalar *fast, growth;     /* the direction in which rates change most, and its growth factor in the previous step */
     int fast_steps;           /* number of steps in which this direction is still monitored */
@@ -286,6 +287,12 @@ scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const sca
 void ordernm_note_coarse(ordernm_motion *m, scalar h);
 int ordernm_worst_entry(const ordernm_motion *m);
 
+/* flow.c */
+void ordernm_follow_flow(ordernm_motion *m);
+void ordernm_set_flow(ordernm_motion *m);
+int ordernm_begin_flow(ordernm_motion *m);
+scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, const scalar *rate);
+
 /* explicit.c, radau.c */
 extern const scheme ordernm_rk4, ordernm_dop853, ordernm_radau;
 void ordernm_keep_stage(ordernm_motion *m, int stage);
@@ -362,6 +369,7 @@ typedef struct {
 } point;
 void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z);
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found);
+int ordernm_near_point(ordernm_motion *m, const trial *step);
 int ordernm_look_at_point(ordernm_motion *m, scalar h, const point *at);
 int ordernm_rates_are_rough(const ordernm_motion *m, scalar h, const point *at);
 int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, int lane);
@@ -380,8 +388,6 @@ void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h);
 void ordernm_watch_stability(ordernm_motion *m, const trial *step);
 int ordernm_plan(ordernm_motion *m, trial *step);
-void ordernm_count_more(ordernm_motion *m, trial *step);
-void ordernm_note_layer(ordernm_motion *m, const trial *step);
 scalar ordernm_after_failure(const ordernm_motion *m, scalar error);
 void ordernm_resize(ordernm_motion *m, const trial *step);
 

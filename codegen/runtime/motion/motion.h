@@ -79,6 +79,7 @@ typedef struct {
     const int *drives;                     /* whether forces (1) or prescribed motion (2) depend on each switch */
     int nswitch_outputs;                   /* pairs of a switch and an output that depends on it */
     const int *switch_of_output;
+    int steep;                             /* forces contain functions that may change steeply, such as tanh(u/1e-3) */
     int nmoving;                           /* number of inputs of prescribed motion */
     const int *moving;                     /* indices of these inputs; the last 2*nmoving inputs are their rates and accelerations */
     /* Functions that were not generated are 0. */
@@ -201,8 +202,11 @@ typedef struct {
     ordernm_scalar condition; /* the largest condition number of the closure matrices */
     ordernm_scalar condition_here; /* the condition number of the closure matrices at the end of the last step */
     ordernm_scalar next_step; /* size of the next step, s */
-    ordernm_scalar coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops: the sum of the steps' errors relative to the
-                               * state; the largest error, and the start of its step */
+    ordernm_scalar coarse, coarsest, coarse_at; /* of ORDERNM_RK4 in models with loops or steep functions: the sum of the steps' errors
+                               * relative to the state; the largest error, and the start of its step */
+    int coarse_entry;         /* the state entry with this error */
+    ordernm_scalar coarse_along, coarsest_along, coarse_along_at; /* the same for derivatives along the motion, in models with steep
+                               * functions */
     ordernm_scalar stiffness; /* step size times largest eigenvalue, if it limited the steps of an explicit method; else 0 */
 } ordernm_results;
 

@@ -12,6 +12,9 @@ enum { PARTS = 4, GOLDEN = 48 };
 static const scalar LEAST_PART = 1e-14;
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
+/* Distance from a step, in its lengths, within which zeros matter; a function is zero there relative to its value at the step's end. */
+static const scalar BESIDE_STEP = 5.0, AT_POINT_BESIDE = 1e-12;
+
 /* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. Rates have no limit at the
  * point if the changes between these distances do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a
  * power of the distance; farther away, by a parabola. Derivatives along a direction do not exist if both limits show a jump: rounding
@@ -174,6 +177,27 @@ int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
         if (first && !m->switched && m->results->accepted) continue; /* the previous step has found this point */
         found->before = !(first && m->switched), found->after = !(last && cut);
         return 1;
+    }
+    return 0;
+}
+
+/* Whether a singular function is zero in the step or near it: at most BESIDE_STEP lengths away, by the cubic through its ends. There,
+ * derivatives of rates may be unbounded, or lose their digits. */
+int ordernm_near_point(ordernm_motion *m, const trial *step)
+{
+    const ordernm_system *const s = m->system;
+    point at = {.which = -1};
+    if (!m->npoints) return 0;
+    if (ordernm_next_point(m, step, &at)) return 1;
+    for (int k = 0; k < s->nswitches; ++k) {
+        if (s->switch_kind[k] != ORDERNM_POINT || !ordernm_matters(m, k)) continue;
+        for (int last = 0; last < 2; ++last) {
+            const scalar here = fabs(singular_function(m, step->h, k, last, 0)), there = fabs(singular_function(m, step->h, k, 1 - last, 0));
+            scalar least;
+            if (here <= AT_POINT*there) return 1;
+            nearest(m, step->h, k, last ? 1.0 : -BESIDE_STEP, last ? 1.0 + BESIDE_STEP : 0.0, 0, &least);
+            if (least <= AT_POINT_BESIDE*here) return 1;
+        }
     }
     return 0;
 }

@@ -88,10 +88,10 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->scale = ordernm_numbers(&of, n);
     r->infinite = ordernm_numbers(&of, n);
     r->leniency = fmax(0.1*pow(m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8, -1.0/3.0), 1.0);
-    r->slowness = r->sweep_slowness = 1.0;
+    r->slowness = r->sweep_slowness = r->flow_slowness = 1.0;
     r->of_jacobian = ordernm_numbers(&of, m->values);
     if (at) m->radau = r;
-    if (m->ngroups) {
+    if (m->ngroups || m->system->steep) {
         void *const stages = ordernm_take(&of, ordernm_radau_layout_stages(m, n, 0));
         if (at) ordernm_radau_layout_stages(m, n, stages);
     }
@@ -323,13 +323,15 @@ static int ends_along(ordernm_motion *m, scalar h)
     struct radau *const r = m->radau;
     const int closed = m->system->split ? 0 : KNOWN_CLOSED;
     int formed = 0, status = CONVERGED;
-    for (int n = 0; n < m->ngroups; ++n) {
+    for (int n = 0; n < m->ngroups + m->flowing; ++n) {
         const group *const g = m->groups + n;
-        if ((status = ordernm_radau_along(m, h, g, closed, &formed)) != CONVERGED) return status;
+        status = ordernm_radau_along(m, h, g, closed, &formed);
+        if (status == DIVERGED && n == m->ngroups) m->flow_unknown = 1, status = CONVERGED;
+        if (status != CONVERGED) return status;
         if (m->nx && (status = integrate(m, h, g, closed))) return status;
         const long end = g->at + (long)(m->ny + m->nx)*g->width;
         for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
-        if (!m->problem->atol_directions) continue;
+        if (!m->problem->atol_directions || n == m->ngroups) continue;
         estimate(m, h, g, m->rate[0]);
         judge(m, h, g);
     }
@@ -346,7 +348,7 @@ static int take_up(ordernm_motion *m, scalar h)
         r->formed_here = r->formed && m->identity && m->segment == r->segment && !m->switched;
         if (m->switched || m->t == m->root_end) begin_anew(r);
     }
-    if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
+    if ((m->ngroups || m->flowing) && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
         /* Rates by the function without directions, so that steps are the same to the last bit with and without directions. */
         const int status = ordernm_rates_of(m, m->t, m->z, m->rate[0], 0, 0, RATES);
         if (status) return status;

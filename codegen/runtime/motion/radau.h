@@ -39,6 +39,7 @@ struct radau {
     scalar h_last, h_tried, t_tried;
     scalar leniency;          /* largest accepted error estimate, relative to the tolerance of the solution */
     scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    scalar flow_slowness;     /* the same of sweeps along the motion itself */
     scalar slowness_before;   /* slowness at the start of Newton's method in this step */
     scalar *of_jacobian;      /* [values] the state at which J was computed */
     scalar t_of_jacobian;

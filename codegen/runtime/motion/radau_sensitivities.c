@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { SWEEPS = 15 };
+enum { SWEEPS = 15, MOST_FORMED_FOR_FLOW = 2*LANES };
 
 /* Change by a sweep, relative to the sensitivities, at which sweeps have converged; and the change that rounding may cause. */
 static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
@@ -104,11 +104,10 @@ static int along_formed(ordernm_motion *m, scalar h, const group *g)
 }
 
 /* Solves for the derivatives at the stages along a group by sweeps, from any starting values. */
-static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
+static int sweep(ordernm_motion *m, scalar h, const group *g, int closed, scalar *slowness)
 {
-    struct radau *const r = m->radau;
     scalar before = 0.0;
-    r->sweep_slowness = pow(fmax(r->sweep_slowness, ORDERNM_EPSILON), 0.8);
+    *slowness = pow(fmax(*slowness, ORDERNM_EPSILON), 0.8);
     for (int k = 1; k <= SWEEPS; ++k) {
         for (int i = 0; i < STAGES; ++i) {
             const int status = ordernm_radau_rates(m, h, i, g, 0, RATES | closed);
@@ -120,23 +119,25 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed)
         if (size != size) return DIVERGED;
         if (k > 1) {
             const scalar theta = size/before;
-            if (size < INFINITY && theta < 1.0) r->sweep_slowness = theta/(1.0 - theta);
+            if (size < INFINITY && theta < 1.0) *slowness = theta/(1.0 - theta);
             if (!(theta < 0.5) && loose <= ROUNDED) return CONVERGED;
             if (theta > 2.0 && k > 3) return DIVERGED;
         }
-        if (fmax(r->sweep_slowness, LEAST_SLOWNESS)*size <= SWEPT) return CONVERGED;
+        if (fmax(*slowness, LEAST_SLOWNESS)*size <= SWEPT) return CONVERGED;
         before = size;
     }
     return DIVERGED;
 }
 
 /* Solves for the derivatives at the stages along a group, by sweeps or with the Jacobians at the stages. `formed`: whether another
- * group has formed these Jacobians in this step. */
+ * group has formed these Jacobians in this step. The way for the direction of the motion itself does not depend on other directions, so
+ * that steps do not, either. */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;
+    const int of_flow = g - m->groups == m->ngroups, by_sweeps = of_flow ? r->n > MOST_FORMED_FOR_FLOW : !r->formed && !*formed;
     int status = DIVERGED;
-    if (!r->formed && !*formed) status = sweep(m, h, g, closed);
+    if (by_sweeps) status = sweep(m, h, g, closed, of_flow ? &r->flow_slowness : &r->sweep_slowness);
     if (status != DIVERGED) return status;
     if (!*formed) {
         r->formed_here = 0;

@@ -39,6 +39,8 @@ static void lay_out_groups(ordernm_motion *m, memory *of, int at)
         m->size += ordernm_whole_lines((long)(m->ny + m->nx)*width);
         if (at) m->groups[n] = g;
     }
+    const group flow = {1, ORDERNM_ONE, 0, 1, m->size, ordernm_numbers(of, s->np)};
+    if (at) m->groups[m->ngroups] = flow;
     m->lost = ordernm_numbers(of, (long)m->ngroups*LANES);
 }
 
@@ -126,8 +128,8 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->method = method_of(p);
     m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     m->stable = INFINITY;
+    m->flow_at = NAN;
     m->singular_at = NAN;
-    m->layer_end = -INFINITY;
     m->ny = s->nfree_q + s->nfree_u;
     m->nx = p->nintegrals;
     m->nd = s->nq - s->nfree_q;
@@ -135,6 +137,8 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->values = ordernm_whole_lines(m->ny + m->nx + m->nd);
     m->head = ordernm_head_size(p);
     lay_out_groups(m, &of, at != 0);
+    const long without = m->size;
+    if (s->steep) m->size += ordernm_whole_lines(m->ny + m->nx); /* memory for derivatives along the motion itself */
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     scalar **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
@@ -150,6 +154,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
         void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
         if (own) ordernm_radau_layout(m, own);
     }
+    m->size = without;
     *zeros = of.used;
     for (int i = 0; i <= HALVES; ++i) m->halves[i] = ordernm_numbers(&of, m->values);
     m->work = ordernm_numbers(&of, s->workspace);

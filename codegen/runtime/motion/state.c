@@ -87,6 +87,8 @@ static inline void copy_lanes(scalar *to, const scalar *from, int width)
     else memcpy(to, from, LANES/2*sizeof(scalar));
 }
 
+static const scalar one[LANES] = {1.0};
+
 /* Seeds of a group of directions. */
 void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g, ordernm_call *c)
 {
@@ -94,7 +96,12 @@ void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g,
     const int width = g->width;
     scalar *S = (scalar *)z + g->at;
     c->dp = g->dp;
-    c->dinputs = ordernm_input_directions(m, t, g);
+    if (g - m->groups == m->ngroups) {
+        ordernm_input_rates(m, t, m->input_rates);
+        c->dinputs = m->input_rates, c->dt = (scalar *)one;
+    } else {
+        c->dinputs = ordernm_input_directions(m, t, g);
+    }
     if (m->identity) {
         c->dq = S;
         c->du = S + s->nq*width;
@@ -247,7 +254,7 @@ int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate,
 
 int ordernm_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rate)
 {
-    return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
+    return ordernm_rates_of(m, t, z, rate, m->ngroups + m->flowing, m->groups, RATES | INTEGRALS);
 }
 
 /* Rates at the end of a step. The next step starts there, and need not close the loops a second time. */
@@ -303,7 +310,6 @@ int ordernm_settle(ordernm_motion *m, scalar t, scalar *z)
  * Returns the status of a function, or -1 if loops do not close. */
 int ordernm_along_time(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, ordernm_call *c)
 {
-    static const scalar one[LANES] = {1.0};
     const ordernm_system *const s = m->system;
     ordernm_arguments(m, t, z, c);
     const int status = ordernm_close_loops(m, c);

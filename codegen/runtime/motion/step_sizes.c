@@ -62,40 +62,6 @@ int ordernm_first_step(ordernm_motion *m, scalar limit, scalar *h)
     return 0;
 }
 
-/* ---- Steep layers. ---- */
-
-/* A step with an error above STEEP may pass a layer in which rates change steeply, such as tanh(u/1e-4) where u changes its sign. Across an
- * unresolved layer errors of derivatives are about the root of those of the state. With derivatives, errors up to the end of that step are
-* therefore multiplied by the square of its error, at most by MORE or by a factor that rounding permits. Near a pose where a loop loses
- * rank, at a condition above POOR, steps shrink for another reason. */
-static const scalar STEEP = 3.0, MORE = 1e4, ROUNDED_ERROR = 1e-14, POOR = 30.0;
-
-/* Multiplies the error of a step in a steep layer. If the error decreases less than the step size, it is due to rounding: this ends the
- * layer. */
-void ordernm_count_more(ordernm_motion *m, trial *step)
-{
-    if (!m->derived || !m->adaptive || m->t >= m->layer_end || !(step->error > 0.0 && step->error < INFINITY)) return;
-    const scalar error = step->error, more = fmax(1.0, fmin(m->layer_more, m->problem->rtol/ROUNDED_ERROR));
-    const int no_better = error > m->layer_error*step->h/m->layer_step && step->h < m->layer_step && m->t == m->layer_at;
-    m->layer_error = error, m->layer_step = step->h, m->layer_at = m->t;
-    if (error <= 1.0 && no_better) {
-        m->layer_end = -INFINITY;
-        return;
-    }
-    step->error *= more;
-    if (m->advice > 1.0) m->advice = 0.0; /* an implicit method's advice ignores this larger error */
-}
-
-/* Records the end of a steep layer that a rejected step passes, and the factor on errors in it. */
-void ordernm_note_layer(ordernm_motion *m, const trial *step)
-{
-    const scalar error = step->error;
-    if (!(error > STEEP && error < INFINITY) || step->end <= m->layer_end || m->beside_power) return;
-    if (m->nd && m->results->condition_here > POOR) return;
-    m->layer_end = step->end;
-    m->layer_more = fmin(error*error, MORE);
-}
-
 /* ---- Stability. ---- */
 
 /* The largest eigenvalue of the rates' Jacobian at the end of a step, by one power iteration, scaled with the tolerances. Rates of

@@ -17,6 +17,7 @@ void ordernm_take_derivatives(ordernm_motion *m, scalar best)
     const scalar worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
     m->best = best;
     m->derived = 1;
+    if (m->system->steep && !m->flowing) ordernm_follow_flow(m);
     m->poor_rates = fmin(m->poor, fmin(worse*best, POOR_IN_ANY_CASE));
     m->too_poor = fmin(m->too_poor, TOO_POOR_FOR_DERIVATIVES);
 }
@@ -52,10 +53,11 @@ int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, c
         if (m->switched && (status = ordernm_pass_switches(m))) return status;
         if ((status = ordernm_hold_again(m))) return status;
     }
-    if (!changed && !at_knot && !m->switched) return 0;
+    if (!changed && !at_knot && !m->switched) return m->flow_unknown ? ordernm_begin_flow(m) : 0;
     ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
     if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;
     status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    if (!status && m->flowing) status = ordernm_begin_flow(m);
     ordernm_note_precise(m, 0);
     return status;
 }

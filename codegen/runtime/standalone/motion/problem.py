@@ -161,8 +161,11 @@ class Segment:
         Whether derivatives of the event depend on the order.
     late : tuple of float and int, or None
         Time and number of a switch passed at a pose where a loop loses rank, so that its old branch was used for too long.
-    coarse : tuple of three floats
-        Method "rk4" with loops: the sum of the steps' errors relative to the state, the largest error, and its time, s.
+    coarse : tuple of three floats and int
+        Method "rk4" with loops or steep functions: the sum of the steps' errors relative to the state; the largest error, its
+        time, s, and its entry.
+    coarse_along : tuple of three floats
+        The same errors of derivatives, without an entry; only with steep functions.
     flat : array (n, 1 + 2 nq)
         Flat poses passed by a motion with derivatives: time, and coordinates near the pose and farther away.
     lost : list of (array, int, int)
@@ -188,7 +191,8 @@ class Segment:
     ordered: bool
     event_together: int
     event_ordered: bool
-    coarse: tuple[float, float, float]
+    coarse: tuple[float, float, float, int]
+    coarse_along: tuple[float, float, float]
     late: tuple[float, int] | None
     flat: Array
     lost: list[tuple[Array, int, int]]

@@ -34,16 +34,6 @@ class Reasons(MotionRun):
         q, u = self._of_rows(row, 1), self._of_rows(row, 2)
         return {"q": q, "u": u, "p": problem.p, "inputs": problem.inputs.at(t), "t": t}
 
-    def _entries(self, problem: Problem) -> list[str]:
-        """Names of the integrated variables, in order."""
-        manifest = self._opened.manifest
-        names = [f"q.{n}" for n in manifest["independent_names"]]
-        names += [f"u.{n}" for n in manifest["independent_speed_names"]]
-        names += [f"integral {i}" for i in range(len(problem.integrals))]
-        if not self.independent_speed_names:  # without independent speeds, dependent coordinates are integrated
-            names += [f"q.{n}" for n in self.coordinate_names]
-        return names
-
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The reason for an early end in words, with time and cause."""
         condition = run.counts.get("condition", 0.0)

@@ -41,6 +41,9 @@ BETTER = 4.0
 COARSE = 3e-6
 """Sum of errors of constant steps, relative to the state, above which there is a warning."""
 
+COARSE_ALONG = 1e-5
+"""Sum of errors of derivatives along the motion, relative to its rates, above which there is a warning."""
+
 SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
 """Names of the counts that are summed over segments."""
 
@@ -109,7 +112,7 @@ class MotionRun(Room):
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        _warn_of_coarse(problem, segments)
+        self._warn_of_coarse(problem, segments)
         waited = seconds_waited() - waited
         times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
         counts = self._counts(problem, segments, times)
@@ -131,6 +134,34 @@ class MotionRun(Room):
             output, level, *_ = segment.problem.events[segment.event_together - 1]
             event = f"{self.output_names[output]} = {level:g}"
             warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
+
+    def _entries(self, problem: Problem) -> list[str]:
+        """Names of the integrated variables, in order."""
+        manifest = self._opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]]
+        names += [f"u.{n}" for n in manifest["independent_speed_names"]]
+        names += [f"integral {i}" for i in range(len(problem.integrals))]
+        if not self.independent_speed_names:  # without independent speeds, dependent coordinates are integrated
+            names += [f"q.{n}" for n in self.coordinate_names]
+        return names
+
+    def _warn_of_coarse(self, problem: Problem, segments: list[Segment]) -> None:
+        """Warns of constant steps that do not resolve the motion, or its derivatives."""
+        values = math.fsum(s.coarse[0] for s in segments)
+        along = math.fsum(s.coarse_along[0] for s in segments)
+        if not (values > COARSE or along > COARSE_ALONG):
+            return
+        worst = max(segments, key=lambda s: s.coarse[1] if values > COARSE else s.coarse_along[1])
+        t = worst.coarse[2] if values > COARSE else worst.coarse_along[2]
+        steep = f"a force changes steeply, most likely with {self._entries(problem)[worst.coarse[3]]}"
+        loops = "loops may come near a loss of rank"
+        places = ([loops] if self.closure_names else []) + ([steep] if along or not self.closure_names else [])
+        errors = [f"errors of steps add up to about {values:.1g} of the state"] if values > COARSE else []
+        errors += [f"errors of derivatives add up to about {along:.1g} of the rates"] if along > COARSE_ALONG else []
+        warn(
+            f"steps of {problem.step:g} s do not resolve the motion, least of all at t = {t:.9g} s, where {' or '.join(places)}: "
+            f"{', '.join(errors)}; take smaller ones, or method='dop853'"
+        )
 
     def _counts(self, problem: Problem, segments: list[Segment], times: dict[str, float]) -> dict[str, Any]:
         """Counts and times of all segments that apply to this method and model."""
@@ -322,14 +353,3 @@ def _four(opened: Opened) -> int:
     except (CompileError, NoCompilerError) as error:
         warn(f"{opened.manifest['name']}: motions with two to four directions take as long as with eight: {error}")
         return 0
-
-
-def _warn_of_coarse(problem: Problem, segments: list[Segment]) -> None:
-    """Warns of constant steps that do not resolve the motion."""
-    coarse = [s.coarse for s in segments]
-    if (total := math.fsum([errors for errors, *_ in coarse])) > COARSE:
-        _, t = max([(worst, at) for _, worst, at in coarse])
-        warn(
-            f"steps of {problem.step:g} s do not resolve the motion, least of all at t = {t:.9g} s, where loops may come near "
-            f"a loss of rank: errors of steps add up to about {total:.1g} of the state; take smaller ones, or method='dop853'"
-        )

@@ -1,0 +1,69 @@
+/* Derivatives along the motion itself, whose exact values are known: if the start is shifted by dt, so is the whole motion. The derivative
+ * of each state by this shift is the rate there. So the step's derivative along its first rate minus the rate at its end is an error of
+ * derivatives. In a steep layer, such as tanh(u/1e-4) where u changes its sign, this error exceeds that of the state by the width of the
+ * layer, and limits the step. Only for systems with functions that may be steep. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Largest allowed error of a step's derivatives along the motion relative to the rates, in relative errors of the state that the tolerances
+ * allow. */
+static const scalar ALLOWED = 10.0;
+
+/* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
+static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
+
+/* Rates jump, and derivatives have no value, where a shorter step has at least HALF the error, and the error of the state relative to
+ * the state is below SMALLEST, or the step relative to the motion below SHORTEST. */
+static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
+
+/* Condition number of loops above which rounding errors dominate. */
+static const scalar POOR = 30.0;
+
+/* Starts to compute these derivatives, which are the last ones of a state. */
+void ordernm_follow_flow(ordernm_motion *m)
+{
+    m->flowing = 1;
+    m->size += ordernm_whole_lines(m->ny + m->nx);
+}
+
+/* Sets the derivatives of the state to the rates. */
+void ordernm_set_flow(ordernm_motion *m)
+{
+    m->flow_unknown = 0;
+    memcpy(m->z + m->groups[m->ngroups].at, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
+}
+
+/* Derivatives of rates that are not those at the end of the previous step. Returns the status of a function. */
+int ordernm_begin_flow(ordernm_motion *m)
+{
+    ordernm_set_flow(m);
+    return m->method->gives_rate ? 0 : ordernm_rates(m, m->t, m->z, m->rate[0]);
+}
+
+/* The error of a step's derivatives along the motion, relative to the tolerance, for a step with some error of the state; `rate` contains
+ * the rates at the end. Errors that only rounding or a jump of rates explains are zero. */
+scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, const scalar *rate)
+{
+    const ordernm_problem *const p = m->problem;
+    const scalar *const found = m->next + m->groups[m->ngroups].at;
+    scalar size = 0.0, rates = 0.0, errors = 0.0;
+    if (m->flow_unknown) return 0.0;
+    m->flow_unknown = m->beside_power || (m->nd && m->results->condition_here > POOR);
+    if (m->flow_unknown) return 0.0;
+    for (int i = 0; i < m->ny; ++i) {
+        const scalar largest = fmax(fabs(m->z[i]), fabs(m->next[i])), scale = p->atol[i] + p->rtol*largest;
+        const scalar of_size = largest/scale, of_rate = fmax(fabs(rate[i]), fabs(m->rate[0][i]))/scale;
+        const scalar error = (found[i] - rate[i])/scale;
+        size += of_size*of_size;
+        rates += of_rate*of_rate;
+        errors += error*error;
+    }
+    m->flow_unknown = !(errors < INFINITY);
+    const scalar error = errors > 0.0 ? sqrt(errors/rates) : 0.0, unit = sqrt(m->ny/size);
+    const int again = m->t == m->flow_at && h < m->flow_step, rounded = error < NOISE && error > m->flow_error*h/m->flow_step;
+    const int tiny = of_state*unit < SMALLEST || h < SHORTEST*fmax(fabs(m->t), p->end - p->start), jumps = tiny && error > HALF*m->flow_error;
+    m->flow_error = error, m->flow_step = h, m->flow_at = m->t;
+    return again && (rounded || jumps) ? 0.0 : error/(ALLOWED*fmax(unit, ROUNDED/ALLOWED));
+}
