@@ -300,11 +300,16 @@ def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, 
     assert isinstance(kind, LinkKind | ElementKind)
     of = (ELEMENT_CONSTANTS, CE_PARAMETER, CE_DP) if isinstance(kind, ElementKind) else (CONSTANTS, PARAMETER, DP)
     constants, parameter, dp = of
+    roots |= {x.symbol(parameter, j): x.entry(dp, j) for j in range(kind.parameters)}
     for symbol, (store, name) in loads:
         if store is constants:
             inner = {j: x.component(constants, f"{name}/{j}") for j in range(kind.parameters)}
-            transparent[symbol] = {x.symbol(parameter, j): d for j, d in inner.items() if d is not algebra.ZERO}
-    roots |= {x.symbol(parameter, j): x.entry(dp, j) for j in range(kind.parameters)}
+            if "/" in name:
+                transparent[symbol] = {x.symbol(parameter, j): d for j, d in inner.items() if d is not algebra.ZERO}
+            else:  # one tangent of a constant takes fewer operations than one for every parameter and every value
+                roots[symbol] = x.let(
+                    f"d_{name}", algebra.add(*(d * x.entry(dp, j) for j, d in inner.items())), "d", True
+                )
     return transparent, roots
 
 

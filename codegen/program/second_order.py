@@ -51,7 +51,7 @@ def along(
     transparent, roots = primitives(x)
     seeds = dict(roots)
     for symbol, (store, name) in list(block.loads.items()):
-        if store.lanes or symbol in transparent or symbol in recalled:
+        if store.lanes or symbol in transparent or symbol in roots or symbol in recalled:
             continue
         at = tangent_of(store, name)
         if at is not None:
