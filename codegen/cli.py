@@ -98,6 +98,15 @@ def _wrong(error: Any) -> None:
 
     for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):
         _problem(line)
+    _explain(error)
+
+
+def _explain(error: BaseException) -> None:
+    """Prints the address of the section that explains an error, if it has one."""
+    from .explanations import explanation
+
+    if line := explanation(error):
+        _problem(line)
 
 
 def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
@@ -286,7 +295,10 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     if run.failed is not None:
         raise Failure(str(run.failed))
     if run.reached < run.end:
+        from .explanations import section
+
         _problem(f"simulate: ended {where}: {run.trajectory.ended}{left}")
+        _problem(section("SimulationError"))
         return NUMBERS_FAILED
     return OK
 
@@ -334,10 +346,12 @@ def _run(options: argparse.Namespace) -> int:
             return MODEL_WRONG
         except Failure as failure:
             _problem(f"{command}: {failure}")
+            _explain(failure)
             return failure.code
         except tuple(codes := _expected()) as error:
             code = next(number for kind, number in codes.items() if isinstance(error, kind))
             _problem(error if code == MODEL_WRONG else f"{command}: {error}")
+            _explain(error)
             return code
     except KeyboardInterrupt as interrupt:
         number = getattr(interrupt, "number", signal.SIGINT)

@@ -137,7 +137,7 @@ def _run(
     try:
         text, size = made(model)
     except SymbolicError as error:
-        raise WrongRequest(str(error)) from None
+        raise WrongRequest(str(error)) from error
     status.close()
     if target is None:
         print(text, end="")

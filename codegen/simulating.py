@@ -246,7 +246,7 @@ def motion_errors() -> Iterator[None]:
         raise
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:
         # caught before ValueError, of which LinAlgError and AssemblyError are subclasses
-        raise MotionError(str(error)) from None
+        raise MotionError(str(error)) from error
     except (ValueError, KeyError, AttributeError) as error:  # an AttributeError: the package has no method simulate
         raise RequestError(str(error)) from None
 

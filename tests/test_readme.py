@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doc_pages import blocks, follow
 
-import codegen
-from codegen.cli import generate_main, main
+from codegen.cli import main
 from codegen.runtime import Solver
 
 ROOT = Path(__file__).parents[1]
@@ -17,45 +17,19 @@ API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def here(tmp_path_factory):
-    """A folder like the checkout, in which README's models lie."""
-    place = tmp_path_factory.mktemp("readme")
-    (place / "examples").symlink_to(ROOT / "examples")
-    for text in re.findall(r"```yaml\n(.*?)```", README, re.DOTALL):
-        (place / f"{re.findall('model: (.*)', text)[0]}.yaml").write_text(text)
+def readme(tmp_path_factory):
+    """README, whose blocks have run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
         patch.setenv("ORDERNM_CFLAGS", "-O1")  # compiles quicker
-        yield place
+        yield follow("README.md", tmp_path_factory.mktemp("readme"))
 
 
-def python(word: str) -> dict:
-    """Names after the piece of Python that contains a word."""
-    (code,) = [c for c in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if word in c]
-    names: dict = {}
-    exec(compile(code, "README.md", "exec"), names)
-    return names
-
-
-def test_the_first_example(here):
-    names = python("mass_matrix_sensitivities")
-    assert names["dudot"].shape == (6, 2) and names["dM"].shape == (6, 2, 2) and names["dvalues"].shape == (2, 6)
+def test_the_first_example(readme):
+    names, n = readme.names, readme.names["solver"].nu
+    assert names["dudot"].shape == (names["solver"].np, n) and names["dM"].shape == (names["solver"].np, 1, 1)
     np.testing.assert_allclose(names["dudot"], names["J"].p.T, rtol=1e-12, atol=1e-12)
-
-
-def test_the_chain_loads(here):
-    assert codegen.load_model("chain.yaml").nu == 12 and codegen.load_model("chain.yaml").warnings == ()
-
-
-def test_the_crank_rocker(here, capsys):
-    assert generate_main(["crank_rocker.yaml"]) == 0
-    out = [line.strip() for line in capsys.readouterr().out.splitlines()]
-    (quoted,) = re.findall(r"prints its choice of dependent speeds:\n\n```text\n(.*?)```", README, re.DOTALL)
-    assert [line for line in quoted.splitlines() if line.strip() not in out] == []
-    names = python("closure(q, u)")
-    assert names["q"][0] == 1.2 and np.abs(names["position"]).max() < 1e-12
-    assert names["dq"].shape == (1, 3) and names["dq"][0, 0] == 0 and np.abs(names["dq"][0, 1:]).min() > 0
-    assert main(["check", "crank_rocker.yaml"]) == 0
+    assert names["run"].dq.shape[0] == names["solver"].np and names["run"].closure_drift < 1e-12
+    assert 12 <= len(blocks("README.md", "python")[0].splitlines()) <= 17
 
 
 def test_commands_that_are_named_exist(capsys):
@@ -88,12 +62,11 @@ def test_commands_that_are_named_exist(capsys):
         assert set(re.findall(r"\B--[a-z][a-z-]+", ours)) - options == set()
 
 
-def test_every_member_of_a_solver_is_told_and_exists(here):
+def test_every_member_of_a_solver_is_told_and_exists(readme):
     members = {name for name in vars(Solver) if not name.startswith("_")}
     words = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]*)`", API))))
     assert members - words == set()
-    codegen.generate("crank_rocker.yaml", "generated/crank_rocker")
-    solver = codegen.load("generated/crank_rocker")
+    solver = readme.names["solver"]
     table = API[API.index("## Members of a solver") : API.index("## Closed loops")]
     rows = re.findall(r"^\| (`[^|]*) \|", table, re.MULTILINE)
     named = re.findall(r"\w+", re.sub(r"\([^)]*\)|->.*", "", " ".join(rows)))

@@ -1,10 +1,11 @@
 """Pages of the documentation: all their code runs and prints what they say; tutorial and how-to pages do what they claim."""
 
+import re
 import time
 
 import numpy as np
 import pytest
-from doc_pages import BLOCK, DOCS, ROOT, Followed, follow, text_of
+from doc_pages import BLOCK, DOCS, ROOT, Followed, blocks, follow, text_of
 
 ELSEWHERE = {
     "docs/import.md": "tests/importing/test_page.py",
@@ -72,6 +73,14 @@ def test_the_tutorial(followed):
     torque = tutorial.piece("inverse_dynamics_sensitivities")["torque"]  # of gravity: masses times lever arms
     fore = 9.81 * 0.2 * np.sin(1.4)
     assert -torque == pytest.approx([fore + 9.81 * np.sin(0.8) * (2 * 0.25 + 0.5), fore], rel=1e-12)
+
+
+def test_the_choice_of_dependents_is_that_of_the_reference():
+    """What docs/api.md prints about a loop is what `generate` prints of the tutorial's four-bar, apart from names."""
+    quoted = re.findall(r"^    (1 loop: .*\n(?:    .*\n)+)", text_of("docs/api.md"), re.MULTILINE)[0]
+    (shown,) = [text for text in blocks("docs/tutorial.md", "console") if "1 loop" in text]
+    lines = [line.strip() for line in quoted.replace("coupler, rocker", "b, c").replace("crank", "a").splitlines()]
+    assert [line for line in lines if line not in [s.strip() for s in shown.splitlines()]] == []
 
 
 def test_the_motor_is_saturated_and_the_crane_follows(followed):

@@ -1,0 +1,62 @@
+"""Messages of commands refer to sections of docs/errors.md, which exist and are about the error."""
+
+import re
+
+import pytest
+from doc_pages import ROOT
+
+from codegen import cli
+from codegen.explanations import ANCHORS, PAGE, explanation
+from codegen.loops.errors import AssemblyError
+from codegen.runtime.standalone import errors
+from codegen.symbolic.errors import TooLargeError
+
+ERRORS = {
+    AssemblyError("loop"), TooLargeError("terms"), errors.AssemblyError("loop", 1.0), errors.SingularLoopError("loop"),
+    errors.SingularForceError("spring", "ends coincide"), errors.SingularOutputError("gap"), errors.SingularJointError("arm"),
+    errors.SimulationError("ends", None), errors.EquilibriumError(1.0, "cart", None), errors.NoCompilerError("none"),
+    errors.CompileError("log"), errors.FlagsError("flags"), errors.TargetsDifferError("numbers"),
+}  # fmt: skip
+
+
+def sections() -> dict[str, str]:
+    """The text of each section, by its anchor."""
+    parts = re.split(r"^#{2,3} (.+)$", (ROOT / PAGE).read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {title.lower().replace(" ", "-"): text for title, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def test_every_anchor_is_a_section_that_names_the_error():
+    found = sections()
+    assert [name for name, anchor in ANCHORS.items() if f"`{name}`" not in found.get(anchor, "")] == []
+
+
+@pytest.mark.parametrize("error", sorted(ERRORS, key=repr), ids=lambda e: type(e).__name__)
+def test_every_error_has_the_section_of_its_class(error):
+    name = next(kind.__name__ for kind in type(error).__mro__ if kind.__name__ in ANCHORS)
+    assert (
+        explanation(error) == f"See {PAGE}#{ANCHORS[name]}" and f"`{type(error).__name__}`" in sections()[ANCHORS[name]]
+    )
+
+
+def test_other_errors_have_none():
+    assert explanation(ValueError("wrong")) == "" and explanation(errors.PackageError("damaged")) == ""
+
+
+def test_commands_print_the_address(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    model = (
+        (ROOT / "docs" / "tutorial.md")
+        .read_text(encoding="utf-8")
+        .partition("model: crank_rocker")[2]
+        .partition("```")[0]
+    )
+    (tmp_path / "far.yaml").write_text("model: crank_rocker" + model.replace("base: 1.1", "base: 5.0"))
+    assert cli.main(["check", "far.yaml"]) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "See docs/errors.md#a-loop-cannot-be-closed"
+    (tmp_path / "wrong.yaml").write_text("model: wrong\nloops: 3\nbodies: {a: {parent: ground, joint: {type: free}}}\n")
+    assert cli.main(["check", "wrong.yaml"]) == 1
+    assert "See " not in capsys.readouterr().err
+    monkeypatch.setenv("CC", "no-such-compiler")
+    (tmp_path / "near.yaml").write_text("model: crank_rocker" + model)
+    assert cli.main(["generate", "near.yaml", "--compile-all", "--no-check"]) == 3
+    assert capsys.readouterr().err.splitlines()[-1] == "See docs/errors.md#no-compiler"
