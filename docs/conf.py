@@ -7,7 +7,7 @@ from sphinx.util import logging
 
 from codegen.version import __version__
 
-sys.path.insert(0, str(Path(__file__).parent))  # for command_line
+sys.path.insert(0, str(Path(__file__).parent))  # for command_line and live_page
 
 project = "ordernm"
 author = "The ordernm developers"
@@ -22,6 +22,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
     "command_line",
+    "live_page",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["build", "node_modules"]
