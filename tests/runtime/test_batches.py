@@ -337,3 +337,27 @@ def test_large_models_are_worked_on_state_by_state(package, at_once, monkeypatch
     assert "states" not in one._target.batches._libraries
     monkeypatch.undo()
     same(together, load(folder).sensitivities(*state, **seeds))
+
+
+@pytest.mark.parametrize("scalar", ["float64", "float32"])
+def test_quaternions_of_a_large_batch_are_checked_in_c(tmp_path, monkeypatch, scalar):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 1)
+    codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path, functions="dynamics", scalar=scalar)
+    solver = codegen.load(tmp_path)
+    if solver._target.mode != "api":
+        pytest.skip("needs Python.h")
+    solver.prepare("accelerations", "batches")
+    q, u = (np.tile(np.asarray(x, scalar), (200, 1)) for x in solver.initial)
+    first = next(i for i, name in enumerate(solver.coordinate_names) if name.endswith("qw"))
+    q[:, first : first + 4] = np.random.default_rng(0).normal(size=(200, 4))
+    u += 0.1
+    expected = solver.accelerations(q, u)  # looks up the function for several states
+    direct = solver._calls["accelerations"]
+    given = (q, u, None, None, 0.0)
+    np.testing.assert_array_equal(direct(given, None, None)[0], expected)
+    for length, accepted in ((2e-6, True), (0.5e-6, False), (0.0, False), (np.nan, False)):
+        q[117, first : first + 4] = [0.0, 0.0, length, 0.0]
+        assert (direct(given, None, None) is not None) == accepted
+    with pytest.raises(ValueError, match=r"quaternion .* has length 0, expected at least 1e-06"):
+        q[117, first : first + 4] = 0.0
+        solver.accelerations(q, u)
