@@ -60,7 +60,7 @@ class Elementary:
         Whether more than two arguments are allowed.
     symbol, c, numpy, mpmath, sympy : str, optional
         The name in statements, in C, and in three libraries, if it differs; empty if there is none. Modules for NumPy then
-        apply Python's math function element by element.
+        apply Python's math function element by element. mpmath and sympy must have the function.
     elsewhere : tuple of str
         Names in other languages, for messages.
     """

@@ -339,10 +339,10 @@ def test_large_models_are_worked_on_state_by_state(package, at_once, monkeypatch
     same(together, load(folder).sensitivities(*state, **seeds))
 
 
-@pytest.mark.parametrize("scalar", ["float64", "float32"])
-def test_quaternions_of_a_large_batch_are_checked_in_c(tmp_path, monkeypatch, scalar):
+def test_quaternions_of_a_large_batch_are_checked_in_c(tmp_path, monkeypatch):
+    scalar = "float32"  # the C code reads both types, and this one is rounded near the limit
     monkeypatch.setattr(batches, "WORTH_COMPILING", 1)
-    codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path, functions="dynamics", scalar=scalar)
+    codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path, functions=["accelerations"], scalar=scalar)
     solver = codegen.load(tmp_path)
     if solver._target.mode != "api":
         pytest.skip("needs Python.h")
