@@ -49,7 +49,7 @@ SUBSETS = 5000
 """Number of sets of conditions that are compared; if there are more, rows are eliminated one by one."""
 
 LEAST_OFF = 1e-13
-"""Angle in rad up to which axes count as parallel to rounding and leave no gap."""
+"""Angle between axes, rad, up to which the axes count as parallel, because the angle is only a rounding error."""
 
 AS_GOOD = 0.7
 """A later set of conditions replaces the best one only if its quality, times this factor, exceeds that of the best one."""

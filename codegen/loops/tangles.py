@@ -88,7 +88,8 @@ def _as_one(ears: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable[[list[T]], T]) -> list[T]:
-    """Merge each tangle into one item, at the place of its last item, after everything on which its items depend."""
+    """Merge the items of each tangle into one, at the place of the last of them; all items on which they depend come
+    earlier."""
     last = {tangle[-1]: join([things[n] for n in tangle]) for tangle in tangled}
     gone = {n for tangle in tangled for n in tangle[:-1]}
     return [last.get(n, thing) for n, thing in enumerate(things) if n not in gone]

@@ -120,7 +120,7 @@ class _Unit:
 
     @property
     def links(self) -> list[tuple[LinkKind, int | None]]:
-        """The kinds of the unit's links, each with its index in an ear."""
+        """Kinds of the links, each with its index in the ear, which is None outside ears."""
         if isinstance(self.kind, EarKind):
             return [(link, place) for place, link in enumerate(self.kind.links)]
         return [(self.kind, None)] if isinstance(self.kind, LinkKind) else []

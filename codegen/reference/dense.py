@@ -116,7 +116,7 @@ class DenseEngine(Engine):
         q, u : array_like (nq,), (nu,)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -142,7 +142,7 @@ class DenseEngine(Engine):
         q, u : array_like (nq,), (nu,)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         **seeds
             Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
 
@@ -173,7 +173,7 @@ class DenseEngine(Engine):
         q, u : array_like (nq,), (nu,)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -199,7 +199,7 @@ class DenseEngine(Engine):
         q, u : array_like (nq,), (nu,)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         **seeds
             Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
 

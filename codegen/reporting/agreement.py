@@ -144,7 +144,7 @@ class Beside:
 
 
 def slowed(beside: Beside, other: Beside) -> float:
-    """Ratio by which times may be longer than in another run, from the times that the fixed work took in both runs."""
+    """Ratio by which times of this run may exceed those of another run, if the fixed work was slower in this run."""
     return beside.slower(other) ** MOST_SLOWED
 
 

@@ -45,7 +45,8 @@ TIMES = '<mo lspace="0" rspace="0.17em">\u2062</mo>'
 
 
 def word(text: str) -> str:
-    """A name: a letter slanted, a word upright, Greek words as letters."""
+    """The MathML of a name: single letters are italic, words upright, and names of Greek letters become these
+    letters."""
     if text in GREEK_LETTERS:
         return f"<mi>{GREEK_LETTERS[text]}</mi>"
     if text.isdigit():

@@ -1,9 +1,10 @@
 """Rotation of a body relative to another: entries of its matrix, or of its quaternion.
 
-The rotation matrix R gives all products of two components of the quaternion e: ``K = 4 e e^T`` is linear in R. Let d be the
-largest diagonal entry of K. Its row is ``2 sqrt(d) e`` up to sign. Since d is at least 1, no square root is taken near zero.
-The sign makes qw positive; where qw is zero, after half a turn, the sign of the row remains. Derivatives are exact on either
-side of half a turn. There the quaternion jumps to its negative, and the derivative is that of the side whose sign is used.
+The rotation matrix R gives all products of two components of the quaternion e: ``K = 4 e e^T`` is linear in R. Let d be
+the largest diagonal entry of K. The row of K that contains d is ``2 sqrt(d) e`` up to sign. Since d is at least 1, no
+square root is taken near zero. The sign makes qw positive; where qw is zero, after half a turn, the sign of the row
+remains. Derivatives are exact on either side of half a turn. At half a turn, the quaternion jumps to its negative, and
+the derivative is that of the side whose sign is chosen.
 """
 
 from __future__ import annotations

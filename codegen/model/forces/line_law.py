@@ -1,7 +1,7 @@
 """A force law along the line between two points: a type name, coefficients and formulas.
 
-A law is data, one file each in `line_laws`. Everything else is derived from it: the entry in a model file, the element
-(`along_line`), generated code, the engines' forces, the table in docs/model_format.md, and random tests.
+Each law is data in one file of `line_laws`. Everything else is derived from these data: the entry in a model file, the
+element (`along_line`), generated code, the engines' forces, the table in docs/model_format.md, and random tests.
 """
 
 from __future__ import annotations

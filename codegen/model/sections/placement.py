@@ -21,7 +21,7 @@ _AXES: Final = tuple(tuple(Expression.number(int(i == k)) for i in range(3)) for
 
 
 def expressions_of(entry: Entry, sub: Path_ = ()) -> Iterator[tuple[Path_, Expression]]:
-    """The expressions of an entry with their paths, without references."""
+    """The expressions of an entry with their paths; values of `_REFERENCES` are names, not expressions."""
     for key, value in entry:
         if key not in _REFERENCES:
             yield from _expressions_in(value, (*sub, key))

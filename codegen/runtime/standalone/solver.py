@@ -117,7 +117,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -155,7 +155,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -198,7 +198,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         wrt : str or sequence of str, optional
             What to differentiate by, such as ``"q, u"``. Left out: q, u, p, inputs and t.
         out : Jacobians, optional
@@ -234,7 +234,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -263,7 +263,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -366,7 +366,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu), optional
             The guess: independent entries are kept, dependent ones are changed. Left out: the model's initial state.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         follow : bool, optional
             Treat the states along the last batch axis as a path: each state is followed from the state before it, the
             first from its guess. Left out: True along the axis of t where motion is prescribed and all times share one
@@ -418,7 +418,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             The guess: independent entries are kept, dependent ones are changed.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         follow : bool, optional
@@ -458,7 +458,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -490,7 +490,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -577,7 +577,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -610,7 +610,7 @@ class Solver(Package):
         q : array_like (nq,), optional
             The guess. Left out: the model's initial coordinates. Dependent ones follow from closure.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         sensitivities : str or sequence of str, optional
             Parameters, and inputs as ``inputs.motor``, by which q is differentiated.
         relax : bool, optional
@@ -664,7 +664,7 @@ class Solver(Package):
         u : array_like (nu,), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         outputs : str or sequence of str, optional
             Outputs y in C and D. Left out: all, if the package has their derivatives.
 
@@ -764,7 +764,7 @@ class Solver(Package):
         q, u : array_like (nq,), (nu,)
             One state. It is not assembled: `gap` reports how far loops are open.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, nq), (k, nu), ..., optional
             Seeds of the derivatives. Left out: each independent coordinate and speed, parameter, input and t by itself.
         derivatives : bool, optional
@@ -802,7 +802,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., nu)
             Weights of the entries of udot in each of k sums; (nu,) for one sum.
 
@@ -829,7 +829,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., nq)
             Weights of the entries of qdot in each of k sums; (nq,) for one sum.
 
@@ -856,7 +856,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., 2)
             Weights of kinetic and potential energy in each of k sums; (2,) for one sum.
 
@@ -885,7 +885,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., noutputs)
             Weights of the outputs in each of k sums; (noutputs,) for one sum.
 
@@ -913,7 +913,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             The guess: independent entries are kept, dependent ones are changed.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights_q, weights_u : array_like (k, ..., nq), (k, ..., nu), optional
             Weights of the assembled coordinates and speeds in each of k sums.
 
@@ -951,7 +951,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
             Weights of the entries of udot.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
@@ -989,7 +989,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
             Weights of the entries of udot.
         wrt : str or iterable of str, optional
@@ -1032,7 +1032,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -1062,7 +1062,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1096,7 +1096,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1125,7 +1125,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1190,7 +1190,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., np), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1227,7 +1227,7 @@ class Solver(Package):
         q, u, udot : array_like (..., nq), (..., nu), (..., nu)
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1256,7 +1256,7 @@ class Solver(Package):
         q, u, udot : array_like (..., nq), (..., nu), (..., nu)
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1293,7 +1293,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1323,7 +1323,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1368,7 +1368,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1396,7 +1396,7 @@ class Solver(Package):
         q, b : array_like (..., nq), (..., nu)
             Coordinates, SI units and radians; generalised forces, N m or N.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1425,7 +1425,7 @@ class Solver(Package):
         q, b : array_like (..., nq), (..., nu)
             Coordinates, SI units and radians; generalised forces, N m or N.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, db, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1462,7 +1462,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1491,7 +1491,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1527,7 +1527,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -1562,7 +1562,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1605,7 +1605,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
             Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
             model.
@@ -1639,7 +1639,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
             Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
             model.
@@ -1680,7 +1680,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
             Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
             model.
@@ -1719,7 +1719,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
             place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
@@ -1758,7 +1758,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
             place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
@@ -1796,7 +1796,7 @@ class Solver(Package):
         u : array_like (..., nu), optional
             Speeds. Left out: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
             place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
@@ -1837,7 +1837,8 @@ class Solver(Package):
         q : array_like (nq,)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0. Sizes and places follow the parameters.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0. Sizes and places follow
+            the parameters.
         path : path, optional
             File to write: ``.svg``, ``.png`` or ``.pdf``. The same state gives the same bytes.
         view : {"auto", "x", "y", "z", "corner"}, optional
@@ -1882,7 +1883,7 @@ class Solver(Package):
         q, u : array_like (nq,), (nu,), optional
             The state, SI units and radians. Left out: the initial state of the model.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: the defaults, zeros and 0.
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
         port : int, optional

@@ -17,7 +17,7 @@ TARGET_TOLERANCE = 1e-9
 """Relative difference allowed between the C and the NumPy module, per direction, in double precision."""
 
 ROUNDED = 1e-3
-"""`TARGET_TOLERANCE` if the C code computes in single precision."""
+"""Like `TARGET_TOLERANCE`, for C code that computes in single precision."""
 
 STATES = 3
 DIRECTIONS = 3

@@ -22,7 +22,7 @@ def why_lost(
     """The warning for the loss of the directions `names`; `entries` are the names of the state's entries."""
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
-        reason = f"the motion stays at {place}, where the branch changes, and the branches differ"
+        reason = f"the motion stays at {place}, where the branch changes, and motions on the two branches differ"
     elif why == PASSES:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion passes {place}, where the value or its derivatives jump or are unbounded"
