@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .html_tables import html_of
+
 SHOWN = 20
 """Maximum number of warnings in a report, and twice the maximum number of lines about loops. The report counts the
 lines left out."""
@@ -104,6 +106,10 @@ class Report:
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        rows = ((name, self.flops(name), self.flops(name, "per_direction")) for name in self.sweeps)
+        return html_of([repr(self), *self.warnings], ("function", "operations", "per direction"), rows)
 
     def lines(self, verbose: bool = False, width: int | None = None) -> list[str]:
         """Return the report as lines of text.

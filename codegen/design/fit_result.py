@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .experiments import Experiment, Space
@@ -330,6 +331,12 @@ class Fit:
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        names = tuple(f"{name} " for name in self.names)  # lines of the variables, which the table shows
+        rows = zip(self.names, self.units, self.values, self.deviations, strict=True)
+        lines = [line for line in self.lines() if not line.strip().startswith(names)]
+        return html_of(lines, ("variable", "unit", "value", "standard deviation"), rows)
 
 
 __all__ = ["Fit"]

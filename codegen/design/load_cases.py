@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.calls.threads import one_thread
 from .objective import Objective, OfVariables
@@ -184,6 +185,10 @@ class LoadCases(OfVariables):
     def __repr__(self) -> str:
         cases = "\n".join(f"  {w:g} times: {case!r}" for w, case in zip(self.weights, self.cases, strict=True))
         return f"{len(self.cases)} load cases\n{cases}"
+
+    def _repr_html_(self) -> str:
+        rows = ((w, repr(case).splitlines()[0]) for w, case in zip(self.weights, self.cases, strict=True))
+        return html_of([f"{len(self.cases)} load cases"], ("weight", "case"), rows)
 
 
 load_cases = LoadCases

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.calls.threads import one_thread, processors
 from ..runtime.standalone.errors import SimulationError
@@ -120,6 +121,12 @@ class Motions(Sequence[Trajectory | None]):
         if len(self.failures) > 5:
             lines.append(f"  and {len(self.failures) - 5} more")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        ends = [self.failures.get(i) or ("" if x is None else x.ended) for i, x in enumerate(self.trajectories)]
+        counts = [None if x is None else len(x) for x in self.trajectories]
+        rows = ((f"{i}", str(end), n) for i, (end, n) in enumerate(zip(ends, counts, strict=True)))
+        return html_of(repr(self).splitlines()[:1], ("motion", "ended", "results"), rows)
 
 
 def simulate_many(

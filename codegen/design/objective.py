@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.motion.functionals import Functional, check_functionals
@@ -440,6 +441,11 @@ class Objective(OfVariables):
         if failed:
             lines[-1] += self.failures[-1].failure
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        v = self.variables
+        rows = zip(v.names, v.start, v.lower, v.upper, strict=True)
+        return html_of(repr(self).splitlines(), ("variable", "start", "lower bound", "upper bound"), rows)
 
 
 def objective(

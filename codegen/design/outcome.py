@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.motion.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
 
@@ -88,6 +89,12 @@ class Outcome:
         if len(self.names) > ROWS:
             lines.append(f"  and {len(self.names) - ROWS} more")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        n = len(self.functionals)
+        rows = zip(self.names, self.units, self.values, self.lower, self.upper, self.gradient, strict=True)
+        head = ("variable", "unit", "value", "lower bound", "upper bound", "derivative")
+        return html_of(repr(self).splitlines()[: 1 + n], head, rows, ROWS)
 
 
 def at_bound(x: float, lower: float, upper: float) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..html_tables import html_of
 from ..runtime.standalone.files.whole_file import suffix_among, write_whole
 from .sweep_cases import Case
 
@@ -205,6 +206,11 @@ class Sweep(Sequence[Case | None]):
         if len(self.failures) > 5:
             lines.append(f"  and {len(self.failures) - 5} more")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        columns = self.columns()
+        rows = zip(*(x.tolist() for x in columns.values()), strict=True)
+        return html_of(repr(self).splitlines()[:1], tuple(columns), rows)
 
 
 __all__ = ["Sweep"]

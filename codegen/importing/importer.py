@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from ..html_tables import html_of
 from ..model import Model, ModelError, parse_model
 from ..model.errors import Problem
 from ..model.positions import shortened
@@ -130,6 +131,11 @@ class Imported:
 
     def __repr__(self) -> str:
         return f"<Imported {self.model.name}: {len(self.model.bodies)} bodies, {self.model.nu} speeds>"
+
+    def _repr_html_(self) -> str:
+        return html_of(
+            [repr(self)], ("", ""), [("left out", x) for x in self.left_out] + [("warning", x) for x in self.warnings]
+        )
 
 
 def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
@@ -451,27 +457,21 @@ def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -
     lines = [f"{one_line(source)}, imported by ordernm.", *map(one_line, robot.notes)]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
-        lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
-    renamed = sum(names[link] != link for link in robot.links)
-    if renamed:
+        fixed_links = ", ".join(one_line(link.name) for link, _ in bodies.grounded)
+        lines.append(f"Fixed to the ground: {fixed_links}, {number(mass)} kg.")
+    if renamed := sum(names[link] != link for link in robot.links):
         lines.append(f"Renamed: {renamed} of {len(names)} links; their original names are in comments.")
     fixed = [w.message for w in robot.warnings if w.message.endswith(FIXED)]
     if fixed:
-        lines.append("Repaired:")
-        lines += _entries(fixed)
+        lines += ["Repaired:", *_entries(fixed)]
     if robot.left_out:
-        lines.append("Left out:")
-        lines += _entries(map(str, robot.listed()))
+        lines += ["Left out:", *_entries(map(str, robot.listed()))]
     return [part for line in lines for part in (wrapped(line) if not line.startswith(" ") else [line])]
 
 
 def _entries(texts: Iterable[str]) -> list[str]:
     """Lines of a comment, one for each entry of a list."""
     return [f"  {part}" for text in texts for part in wrapped(one_line(text, 1000))]
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(one_line(name) for name in names)
 
 
 def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], side: SideFile) -> Model:

@@ -74,6 +74,12 @@ class ModelBuilder:
         self._problems: list[Problem] = []
         self._symbols: dict[Any, str] = {}
 
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(value)} {key}" for key, value in self._root.items() if isinstance(value, (dict, list)) and value
+        ]
+        return f"<ModelBuilder {self._root['model']}: {', '.join(counts) or 'nothing yet'}>"
+
     def symbols(self, names: Mapping[Any, str]) -> None:
         """Assign names in the model to sympy symbols and functions of time; may be called several times.
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from ..html_tables import html_of
 from .axes import Vector, coordinate_axis, least_along
 from .errors import Problem
 from .expressions import Expression
@@ -197,6 +198,11 @@ class Model:
             f"<Model {self.name}: {len(self.bodies)} bodies, {len(self.loops)} loops, nq={self.nq}, nu={self.nu}, "
             f"np={len(self.parameters)}, ninputs={len(self.inputs)}, noutputs={len(self.outputs)}>"
         )
+
+    def _repr_html_(self) -> str:
+        names = ["ground", *(b.name for b in self.bodies)]
+        rows = ((b.name, names[b.parent + 1], b.joint.type) for b in self.bodies)
+        return html_of([repr(self), *self.warnings], ("body", "parent", "joint"), rows)
 
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+from ..html_tables import html_of
 from ..loops.errors import AssemblyError, PartitionError
 from ..model.errors import ModelError, nearest
 from ..model.model import Model
@@ -114,6 +115,17 @@ class Equations:
     intermediates: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
     outputs: Outputs = field(default_factory=Outputs)
     defaults: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        n, r = len(self.independent), len(self.constraints)
+        loops = f", {r} constraints" if r else ""
+        return (
+            f"<Equations of {self.name}, {self.form}: M ({n}, {n}) and forcing ({n}, 1) of {len(self.u)} speeds{loops}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = ((str(self.udot[self.u.index(u)]), str(f)) for u, f in zip(self.independent, self.forcing, strict=True))
+        return html_of([repr(self)], ("acceleration", "forcing"), rows)
 
     def symbol(self, name: str) -> sympy.Symbol:
         """Return the symbol of a name.

@@ -10,6 +10,7 @@ from functools import cached_property, partial
 import sympy
 
 from ..elementary import BY_SYMBOL
+from ..html_tables import html_of
 from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import partition
 from ..mechanics.plan import unit_name
@@ -147,6 +148,13 @@ class Recursion:
 
     name: str
     sweeps: tuple[SweepOfUnits, ...]
+
+    def __repr__(self) -> str:
+        return f"<Recursion of {self.name}: {self.count} statements in {len(self.sweeps)} sweeps>"
+
+    def _repr_html_(self) -> str:
+        rows = ((s.name, sum(len(unit.assignments) for unit in s.units)) for s in self.sweeps)
+        return html_of([repr(self)], ("sweep", "statements"), rows)
 
     def __iter__(self) -> Iterator[Assignment]:
         for sweep in self.sweeps:

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from ....html_tables import html_of
 from ..arrays import Array, Shape
 from ..errors import SingularJointError
 from ..files.manifest import read_manifest, refuse_another
-from .arguments import NO_SEEDS, Arguments, Seeds, Unseen
+from .arguments import NO_SEEDS, Arguments, Seeds, Unseen, some
 from .bad_states import BAD_STATES, spread, warn_of_bad, without_bad
 from .c_target import CTarget
 from .functions import (
@@ -132,6 +133,12 @@ class Package:
             f"<Solver {self.name}: nq={self.nq}, nu={self.nu}, np={self.np}, ninputs={self.ninputs}, "
             f"noutputs={self.noutputs}, target={self.target}>"
         )
+
+    def _repr_html_(self) -> str:
+        kinds = ("coordinate", "speed", "parameter", "input", "output")
+        every = ((kind, getattr(self, f"{kind}_names")) for kind in kinds)
+        rows = [(f"{kind}s", f"{len(names)}", some(names)) for kind, names in every if names]
+        return html_of([f"solver of {self.name}, target {self.target}"], ("", "number", "names"), rows)
 
     def __getattr__(self, name: str) -> Any:
         """Explains why a package lacks a method; Python calls this for missing attributes only."""

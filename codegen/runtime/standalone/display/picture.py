@@ -117,7 +117,7 @@ class _Figure:
         self.view = view_of(view, scene, poses)
         points = self._points()
         low, high = points.min(axis=0), points.max(axis=0)
-        self.middle, self.half = (low + high) / 2, 0.5 * max(float((high - low).max()), 1e-3)
+        self.middle, self.half = (low + high) / 2, 0.5 * (float((high - low).max()) or 1.0)
         self._look()
         self.half *= self._extent(points) / 0.9
 

@@ -202,6 +202,7 @@ class Viewer:
         self.server.initial_camera.look_at = centre
         self.server.initial_camera.position = centre + self.size * np.array([0.7, -1.2, 0.5])
         self.server.initial_camera.fov = math.radians(45.0)
+        self.server.initial_camera.near, self.server.initial_camera.far = self.size * 1e-3, self.size * 1e3
         self.server.scene.add_grid("/ground", 4 * self.size, 4 * self.size, cell_size=self.size / 10, section_size=self.size / 2,
                                    position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
         self.nodes = Nodes(self.server, scene, self.meshes, self.size)

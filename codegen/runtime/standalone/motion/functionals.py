@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ....html_tables import html_of
 from ..arrays import Array
 from ..calls.arguments import some
 from ..trajectory.events import Event, of_another_version, take_events
@@ -235,3 +236,11 @@ class Judged:
         if len(self.values) > SHOWN:
             lines.append(f"  and {len(self.values) - SHOWN} more")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        n = len(self.names[:SHOWN])
+        rows = ((f"{i}", x, *self.gradients[i, :n]) for i, x in enumerate(self.values))
+        left = [f"the first {n} of {len(self.names)} derivatives"] if len(self.names) > n else []
+        return html_of(
+            [f"gradients: {self.method}", *left], ("", "value", *(f"by {name}" for name in self.names[:n])), rows
+        )

@@ -10,6 +10,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from ....html_tables import html_of, shapes_of, shapes_text
 from ..arrays import Array
 from ..calls.functions import Wanted
 
@@ -39,8 +42,13 @@ class Jacobians:
     t: Array
 
     def __repr__(self) -> str:
-        shapes = ", ".join(f"{n} {getattr(self, n).shape}" for n in JACOBIANS if getattr(self, n) is not None)
-        return f"<Jacobians of udot: {shapes}>"
+        return f"<Jacobians of udot: {shapes_text(self._named())}>"
+
+    def _repr_html_(self) -> str:
+        return html_of([repr(self)], ("by", "shape", "largest"), shapes_of(self._named()))
+
+    def _named(self) -> list[tuple[str, Array | None]]:
+        return [(n, getattr(self, n)) for n in JACOBIANS]
 
 
 JACOBIANS = ("q", "u", "p", "inputs", "t")
@@ -122,6 +130,12 @@ class Gradients(NamedTuple):
     inputs: Array
     t: Array
 
+    def __repr__(self) -> str:
+        return f"<Gradients of {np.shape(self.q)[0]} weighted sums: {shapes_text(self._asdict().items())}>"
+
+    def _repr_html_(self) -> str:
+        return html_of([repr(self)], ("by", "shape", "largest"), shapes_of(self._asdict().items()))
+
 
 class HessianProducts(NamedTuple):
     """Products of a Hessian with k directions: the changes of the gradient by every argument.
@@ -145,6 +159,12 @@ class HessianProducts(NamedTuple):
     p: Array
     inputs: Array
     t: Array
+
+    def __repr__(self) -> str:
+        return f"<HessianProducts along {np.shape(self.q)[0]} directions: {shapes_text(self._asdict().items())}>"
+
+    def _repr_html_(self) -> str:
+        return html_of([repr(self)], ("by", "shape", "largest"), shapes_of(self._asdict().items()))
 
 
 HESSIAN_PRODUCTS = Wanted("hessian_products", [f"dg{n}" for n in JACOBIANS])

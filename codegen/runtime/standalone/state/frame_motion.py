@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ....html_tables import html_of, shapes_of, shapes_text
 from ..arrays import Array, Indices
 
 
-@dataclass(init=False, eq=False)
+@dataclass(init=False, eq=False, repr=False)
 class FrameMotion:
     """Motion of body frames relative to the ground, or its derivatives, in the ground frame.
 
@@ -57,6 +59,12 @@ class FrameMotion:
         setattr(self, name, found)
         return found
 
+    def __repr__(self) -> str:
+        return _in_words("FrameMotion", self.names, [(name, getattr(self, name)) for name in PLACES])
+
+    def _repr_html_(self) -> str:
+        return _in_html(self, [(name, getattr(self, name)) for name in PLACES if name != "rotation"])
+
     def of(self, places: Indices, ground: bool, tangents: bool) -> FrameMotion:
         """Return the frames of some bodies.
 
@@ -96,6 +104,14 @@ OF_FRAMES = {
 PLACES = OF_FRAMES | {"angular_acceleration": slice(0, 3), "acceleration": slice(3, 6)}
 """Indices of the arrays in the 18 numbers of a frame, and in the 6 numbers of its accelerations."""
 
+
+def _text(x: Array) -> str:
+    return np.array2string(x, precision=4, suppress_small=True)
+
+
+NAMES = 8
+"""Number of names in a `repr`."""
+
 YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
 """Component permutations for cross products."""
 
@@ -110,7 +126,7 @@ def _with_one(x: Array, last: Array | float) -> Array:
     return found
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class PointMotion:
     """Motion of points fixed in bodies relative to the ground, or its derivatives, in the ground frame.
 
@@ -132,6 +148,31 @@ class PointMotion:
     position: Array
     velocity: Array
     acceleration: Array | None = None
+
+    def __repr__(self) -> str:
+        return _in_words("PointMotion", self.names, self._named())
+
+    def _repr_html_(self) -> str:
+        return _in_html(self, self._named())
+
+    def _named(self) -> list[tuple[str, Array | None]]:
+        return [(name, getattr(self, name)) for name in ("position", "velocity", "acceleration")]
+
+
+def _in_words(what: str, names: Sequence[str], arrays: Iterable[tuple[str, Array | None]]) -> str:
+    shown = ", ".join(names[:NAMES]) + (f" and {len(names) - NAMES} more" if len(names) > NAMES else "")
+    return f"<{what} of {shown}: {shapes_text(arrays)}>"
+
+
+def _in_html(motion: FrameMotion | PointMotion, arrays: Sequence[tuple[str, Array | None]]) -> str:
+    """Vectors of each body or point in one state, else shapes."""
+    found = [(name, x) for name, x in arrays if x is not None]
+    n = len(motion.names)
+    if any(x.shape not in ((3,), (n, 3)) for _, x in found):
+        return html_of([repr(motion)], ("", "shape", "largest"), shapes_of(found))
+    values = [x.reshape(n, 3) for _, x in found]
+    rows = ((name, *(_text(x[i]) for x in values)) for i, name in enumerate(motion.names))
+    return html_of([repr(motion)], ("", *(name.replace("_", " ") for name, _ in found)), rows)
 
 
 def frames_from(frames: Array, accelerations: Array | None, bodies: Any, names: tuple[str, ...]) -> FrameMotion:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ....html_tables import html_of
 from ..arrays import Array
 from ..errors import AssemblyError, EquilibriumError
 
@@ -93,6 +94,10 @@ class Equilibrium:
         values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:12], self.q, strict=False))
         more = ", ..." if len(self.q) > 12 else ""
         return f"<Equilibrium: {values}{more}; {text}; residual {self.residual:.2g} after {steps}>"
+
+    def _repr_html_(self) -> str:
+        rows = ((f"q.{name}", self.q[i], *self.dq[:, i]) for i, name in enumerate(self.coordinate_names))
+        return html_of([repr(self)], ("", "value", *(f"by {name}" for name in self.names)), rows)
 
 
 class Motions(NamedTuple):

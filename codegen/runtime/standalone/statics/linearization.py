@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ....html_tables import html_of, shapes_of, shapes_text
 from ..arrays import Array
 from ..warning import warn
 
@@ -51,9 +52,18 @@ class Matrices(NamedTuple):
     C: Array
     D: Array
 
+    def __repr__(self) -> str:
+        return f"<Matrices: {shapes_text(self._asdict().items())}>"
+
+    def _repr_html_(self) -> str:
+        return html_of([repr(self)], ("", "shape", "largest"), shapes_of(self._asdict().items()))
+
 
 MODES_SHOWN = 20
 """Number of modes in a `repr`."""
+
+MATRIX_SHOWN = 12
+"""Number of rows and columns of a matrix as HTML."""
 
 
 class Modes(NamedTuple):
@@ -85,6 +95,11 @@ class Modes(NamedTuple):
         ]
         left = len(self.eigenvalues) - MODES_SHOWN
         return "\n".join([f"Modes: {len(self.eigenvalues)}", *rows, *([f"and {left} more"] if left > 0 else [])])
+
+    def _repr_html_(self) -> str:
+        rows = zip(self.frequencies, self.damping, (f"{x:.6g}" for x in self.eigenvalues), strict=True)
+        head = ("frequency, rad/s", "damping ratio", "eigenvalue, 1/s")
+        return html_of([f"Modes: {len(self.eigenvalues)}"], head, rows, MODES_SHOWN)
 
 
 class Linearization:
@@ -134,6 +149,13 @@ class Linearization:
             f"<Linearization about {where}: {len(self.A)} states, {len(self.input_names)} inputs, "
             f"{len(self.output_names)} outputs>"
         )
+
+    def _repr_html_(self) -> str:
+        names = self.state_names[:MATRIX_SHOWN]
+        rows = ((f"d({name})/dt", *self.A[i, : len(names)]) for i, name in enumerate(names))
+        left = len(self.state_names) - len(names)
+        more = [f"the first {len(names)} of {len(self.state_names)} states:"] if left else []
+        return html_of([repr(self), "A:", *more], ("", *names), rows)
 
     def eigenvalues(self) -> Complex:
         """Return the eigenvalues of A by increasing absolute value.

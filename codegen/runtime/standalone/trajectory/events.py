@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ....html_tables import html_of, shapes_of
 from ..arrays import Array
 from ..calls.arguments import some
 
@@ -87,6 +88,10 @@ class Crossing:
 
     def __repr__(self) -> str:
         return f"<{self.event.output} = {self.event.level:g} at t = {self.t:.9g} s>"
+
+    def _repr_html_(self) -> str:
+        arrays = [(name, getattr(self, name)) for name in PARTS]
+        return html_of([repr(self)], ("", "shape", "largest"), shapes_of(arrays))
 
 
 PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")

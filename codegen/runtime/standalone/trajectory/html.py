@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....html_tables import Markup, html_of
 from ..arrays import Array, Indices
 
 SHOWN = 12
@@ -23,16 +23,9 @@ BINS = 80
 
 def as_html(lines: Sequence[str], t: Array, series: Sequence[tuple[str, str, Array]]) -> str:
     """HTML of lines of text, and of series (name, unit, values (nt,)) over the times t (nt,)."""
-    text = "<br>".join(escape(line.strip()) for line in lines)
-    rows = [
-        f"<tr><td style='text-align:left'>{escape(name)}</td><td style='text-align:left'>{escape(unit)}</td>"
-        f"<td>{sparkline(t, values)}</td>{''.join(f'<td>{number}</td>' for number in _numbers(values))}</tr>"
-        for name, unit, values in series[:SHOWN]
-    ]
-    head = "".join(f"<th>{word}</th>" for word in ("series", "unit", "over time", "least", "largest", "last"))
-    left = len(series) - SHOWN
-    more = f"<tr><td colspan='6' style='text-align:left'>and {left} more</td></tr>" if left > 0 else ""
-    return f"<div><p>{text}</p><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}{more}</tbody></table></div>"
+    head = ("series", "unit", "over time", "least", "largest", "last")
+    rows = ((name, unit, Markup(sparkline(t, values)), *_numbers(values)) for name, unit, values in series)
+    return html_of(lines, head, rows, SHOWN)
 
 
 def sparkline(t: Array, values: Array) -> str:
@@ -77,8 +70,8 @@ def _extremes(values: Array, bins: int) -> Indices:
     return np.array(sorted(kept))
 
 
-def _numbers(values: Array) -> list[str]:
-    """The minimum, the maximum and the last value of a series, as text."""
+def _numbers(values: Array) -> list[float | None]:
+    """The minimum, maximum and last value; None where there are no finite values."""
     finite = values[np.isfinite(values)]
-    ends = [f"{np.min(finite):.6g}", f"{np.max(finite):.6g}"] if len(finite) else ["", ""]
-    return [*ends, f"{values[-1]:.6g}" if len(values) else ""]
+    ends = [float(np.min(finite)), float(np.max(finite))] if len(finite) else [None, None]
+    return [*ends, float(values[-1]) if len(values) else None]

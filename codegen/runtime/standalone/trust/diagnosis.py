@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
 
+from ....html_tables import Markup, html_of
 from ..arrays import Array
 from .rounding import UNIT
 
@@ -169,15 +169,12 @@ class Diagnosis:
         return "\n".join([f"Diagnosis: {first}", *(f"  {line}" for line in rest)])
 
     def _repr_html_(self) -> str:
-        text = "<br>".join(escape(line) for line in self.lines())
-        order = np.argsort(self.digits, kind="stable")[:SHOWN]
-        rows = "".join(
-            f"<tr><td style='text-align:left'>udot.{escape(self.speed_names[i])}</td><td>{self.udot[i]:.6g}</td>"
-            f"<td>{self.udot_error[i]:.1e}</td><td>{self.argument_error[i]:.1e}</td><td>{_whole(self.digits[i])}</td></tr>"
-            for i in order
-        )
-        head = "".join(f"<th>{word}</th>" for word in ("", "value", "rounding", "by arguments", "digits"))
-        return f"<div><p>{text}</p><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        rows = [
+            (f"udot.{self.speed_names[i]}", self.udot[i], Markup(f"{self.udot_error[i]:.1e}"),
+             Markup(f"{self.argument_error[i]:.1e}"), _whole(self.digits[i]))
+            for i in np.argsort(self.digits, kind="stable")
+        ]  # fmt: skip
+        return html_of(self.lines(), ("", "value", "rounding", "by arguments", "digits"), rows, SHOWN)
 
     def _lines(self) -> Iterator[str]:
         if self.failure:
