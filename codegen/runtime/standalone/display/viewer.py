@@ -31,6 +31,9 @@ MOST_FRAMES = 3000
 """Number of frames of a page or a playback above which frames are left out."""
 
 
+LARGEST_PORT = 65535
+
+
 def need() -> Any:
     """The module viser.
 
@@ -178,7 +181,7 @@ class Viewer:
     Raises
     ------
     ValueError
-        If a kind of arrows is unknown, or the scene has none of this kind.
+        If the port is not available, or a kind of arrows is unknown, or the scene has none of this kind.
 
     Attributes
     ----------
@@ -191,11 +194,13 @@ class Viewer:
     ):
         viser = need()
         self.arrows = wanted_arrows(arrows, poses)
+        _check_port(port)
         self.title, self.poses, self.meshes = title, poses, Meshes(folder)
         with contextlib.redirect_stdout(io.StringIO()):  # hides the banner that viser prints
             self.server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}")
         self.url = f"http://127.0.0.1:{self.server.get_port()}"
         self.server.scene.set_up_direction("+z")
+        self.server.scene.configure_default_lights(cast_shadow=False)  # shadows are drawn again for each frame
         low, high = _box(scene, poses)
         self.size = float(np.linalg.norm(high - low)) or 1.0
         centre = (low + high) / 2
@@ -203,8 +208,11 @@ class Viewer:
         self.server.initial_camera.position = centre + self.size * np.array([0.7, -1.2, 0.5])
         self.server.initial_camera.fov = math.radians(45.0)
         self.server.initial_camera.near, self.server.initial_camera.far = self.size * 1e-3, self.size * 1e3
-        self.server.scene.add_grid("/ground", 4 * self.size, 4 * self.size, cell_size=self.size / 10, section_size=self.size / 2,
-                                   position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)))  # fmt: skip
+        self.server.scene.add_grid(
+            "/ground", 4 * self.size, 4 * self.size, cell_size=self.size / 10, section_size=self.size / 2,
+            fade_distance=20 * self.size, shadow_opacity=0.0,
+            position=(float(centre[0]), float(centre[1]), min(float(low[2]), 0.0)),
+        )  # fmt: skip
         self.nodes = Nodes(self.server, scene, self.meshes, self.size)
         self.lock = threading.RLock()
         self.shade, self.i = "", 0
@@ -306,6 +314,18 @@ def _box(scene: Scene, poses: Poses) -> tuple[Array, Array]:
     every = np.concatenate(found)
     every = every[np.isfinite(every).all(axis=1)]
     return every.min(axis=0), every.max(axis=0)
+
+
+def _check_port(port: int) -> None:
+    """Refuse ports that do not exist or that another program uses; viser would take another port."""
+    if not isinstance(port, int) or not 0 <= port <= LARGEST_PORT:
+        raise ValueError(f"port is {port!r}; 1 to {LARGEST_PORT} are allowed, and 0 for any that is free")
+    with socket.socket() as s:
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            s.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise ValueError(f"port {port} is not available ({error.strerror}); give another one, or none") from None
 
 
 def _free_port() -> int:
