@@ -117,15 +117,13 @@ class Equations:
     defaults: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        n, r = len(self.independent), len(self.constraints)
-        loops = f", {r} constraints" if r else ""
-        return (
-            f"<Equations of {self.name}, {self.form}: M ({n}, {n}) and forcing ({n}, 1) of {len(self.u)} speeds{loops}>"
-        )
+        loops = f", {len(self.constraints)} constraints" if self.constraints else ""
+        return f"<Equations of {self.name}, {self.form}: M {self.M.shape} and forcing of {len(self.u)} speeds{loops}>"
 
     def _repr_html_(self) -> str:
-        rows = ((str(self.udot[self.u.index(u)]), str(f)) for u, f in zip(self.independent, self.forcing, strict=True))
-        return html_of([repr(self)], ("acceleration", "forcing"), rows)
+        return html_of(
+            [repr(self)], ("speed", "forcing"), zip(map(str, self.independent), map(str, self.forcing), strict=True)
+        )
 
     def symbol(self, name: str) -> sympy.Symbol:
         """Return the symbol of a name.
