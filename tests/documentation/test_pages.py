@@ -186,7 +186,7 @@ def test_assembly_is_many_times_an_evaluation(followed):
 
 
 def test_events(followed):
-    first = followed("docs/howto/simulate.md").piece("Event(")["first"]
+    first = followed("docs/howto/simulate.md").piece("first.t, first.dt")["first"]
     assert first.outputs[0] == pytest.approx(-0.98, abs=1e-12) and np.isfinite(first.dt).all()
 
 
