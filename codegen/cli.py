@@ -443,6 +443,7 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
         command.set_defaults(run=run)
     for name, module, help_text in (
         ("new", ".new_model", "write a first model file"),
+        ("export", ".exporting.command", "write a solver for other programs: plain C for small machines"),
         ("doctor", ".doctor", "show compiler, processor, extras and cache, and whether a solver compiles"),
         ("completion", ".completing", "print a script that completes commands in a shell"),
         ("view", ".viewing", "show a mechanism and its motion in a browser, or write a page or a picture"),

@@ -33,6 +33,7 @@ FUNCTIONS = [
     f"codegen.{module}.{name}"
     for module, names in {
         "generation": "generate", "summary": "Report", "reporting.measuring": "report",
+        "exporting.plain_c": "ExportedC export_c",
         "model.loading": "load_model parse_model", "model.builder": "ModelBuilder",
         "importing.importer": "Imported import_model from_mujoco from_pinocchio",
         "runtime.loading": "load load_trajectory",

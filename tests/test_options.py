@@ -24,6 +24,9 @@ bodies:
 forces: {motor: {type: joint, joint: rod, value: torque}}
 """
 
+WITHOUT = "without"
+"""Given for an option that a command needs: the command without it."""
+
 MADE = {
     ("generate", "--output"): "-o here",
     ("generate", "--target"): "--target numpy",
@@ -107,6 +110,11 @@ MADE = {
     ("equations", "--force-size"): "--force-size",
     ("equations", "--force-file"): "-o there.yaml --force-file",
     ("equations", "--force"): "-o there.yaml --force",
+    ("export", "--c"): WITHOUT,
+    ("export", "--output"): "-o elsewhere",
+    ("export", "--scalar"): "--scalar float32",
+    ("export", "--functions"): "--functions mass",
+    ("export", "--force"): "--force",
     ("statements", "--latex"): "--latex",
     ("statements", "--html"): "--html",
     ("statements", "--functions"): "--functions outputs",
@@ -122,7 +130,7 @@ BASES = {
     "report": "report swing.yaml", "bench": "bench pendulum", "show": "show large.yaml", "new": "new there.yaml",
     "doctor": "doctor", "completion": "completion bash",
     "check": "check swing.yaml", "view": "view swing.yaml",
-    "equations": "equations swing.yaml", "statements": "statements swing.yaml",
+    "equations": "equations swing.yaml", "statements": "statements swing.yaml", "export": "export swing.yaml --c",
 }  # fmt: skip
 
 
@@ -194,6 +202,8 @@ def recorded(tmp_path, monkeypatch):
         save=lambda p: p,
     )
     monkeypatch.setattr("codegen.importing.command.import_model", keep("import", imported))
+    exported = SimpleNamespace(folder="x", files=(), workspace=0, compiler="cc", functions=())
+    monkeypatch.setattr("codegen.exporting.plain_c.export_c", keep("export", exported))
     monkeypatch.setattr("codegen.reporting.report", keep("report", {"skipped": []}))
     monkeypatch.setattr("codegen.bench.command.run", lambda p, quick, peers, *_: keep("bench", results)(quick, peers))
     results = {"machine": {}, "problems": {}, "quick": True, "format": 1}
@@ -207,8 +217,10 @@ def test_every_option_changes_something_or_is_refused(recorded, capsys, monkeypa
     if option == "--force-size":  # of a model that is small otherwise
         monkeypatch.setattr("codegen.symbolic.motion.MOST_TERMS", 1)
     seen = []
-    for more in ("", MADE[command, option]):
-        code = cli.main(f"{BASES[command]} {more}".split())
+    without = BASES[command].replace(f" {option}", "")
+    more = MADE[command, option]
+    for line in (BASES[command], without if more == WITHOUT else f"{BASES[command]} {more}"):
+        code = cli.main(line.split())
         out, err = capsys.readouterr()
         assert "Traceback" not in err and (code == 0 or err.strip())
         files = sorted(str(p) for p in Path().rglob("*") if p.is_file() and p.suffix in (".json", ".md", ".yaml"))
@@ -235,6 +247,7 @@ TOGETHER = {
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
     "import robot.urdf -o - --force": "remove --force",
     "statements swing.yaml --force": "--force is for a file",
+    "export swing.yaml": "what shall it become? give --c",
     "equations swing.yaml --force-file": "--force-file is for a file",
     "equations swing.yaml --values --set length=2": "leave out one of the two options",
     "new --list --from arm": "--list writes nothing",

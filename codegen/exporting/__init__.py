@@ -1,0 +1,1 @@
+"""Exports of solvers to other programs."""
