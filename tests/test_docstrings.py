@@ -63,19 +63,19 @@ FUNCTIONS = [
 
 
 def members(name: str) -> Iterator[str]:
-    """The name itself, and those of public methods and properties of a class; of an engine those that `Solver` lacks."""
+    """The name itself, and those of public methods and properties of a class that describes them.
+
+    A method without a docstring has that of its base class. The class of an engine describes the arguments of all methods.
+    """
     yield name
     found = named(name)
-    documented = set(vars(Solver)) if name.startswith("codegen.reference.engine") else set()
-    if inspect.isclass(found):
-        for member, value in vars(found).items():
-            wrapped = (property, classmethod, staticmethod)
-            if (
-                member not in documented
-                and member[0] != "_"
-                and (inspect.isfunction(value) or isinstance(value, wrapped) or hasattr(value, "func"))
-            ):
-                yield f"{name}.{member}"
+    if not inspect.isclass(found) or issubclass(found, Engine):
+        return
+    for member, value in vars(found).items():
+        described = value.__doc__ or not inspect.getdoc(value)
+        wrapped = inspect.isfunction(value) or isinstance(value, (property, classmethod, staticmethod))
+        if member[0] != "_" and described and (wrapped or hasattr(value, "func")):
+            yield f"{name}.{member}"
 
 
 def named(name: str) -> Any:

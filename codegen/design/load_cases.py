@@ -84,28 +84,6 @@ class LoadCases(OfVariables):
         self._threads = int(threads)
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
-        """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
-
-        Parameters
-        ----------
-        x : array_like (n,)
-            Numbers of order one.
-
-        Returns
-        -------
-        value : float
-            The weighted sum; infinite where a motion fails.
-        gradient : ndarray (n,)
-            Its derivatives by x; NaN where a motion fails.
-
-        Examples
-        --------
-        >>> from ordernm.runtime import Final
-        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
-        >>> f = ordernm.load_cases([case])
-        >>> f.value_and_gradient(f.x0)[1].shape
-        (1,)
-        """
         x = np.array(x, float)
         if self._threads > 1:
             with ThreadPoolExecutor(min(self._threads, len(self.cases))) as pool:

@@ -166,28 +166,6 @@ class Objective(OfVariables):
     # -- functions for optimisers -----------------------------------------------------------------------------------
 
     def value_and_gradient(self, x: ArrayLike) -> tuple[float, Array]:
-        """Return value and gradient, for ``minimize(f.value_and_gradient, f.x0, jac=True)``.
-
-        Parameters
-        ----------
-        x : array_like (n,)
-            Numbers of order one.
-
-        Returns
-        -------
-        value : float
-            The value; infinite where the motion fails.
-        gradient : ndarray (n,)
-            Its derivatives by x; NaN where the motion fails.
-
-        Examples
-        --------
-        >>> from ordernm.runtime import Final
-        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
-        >>> value, gradient = f.value_and_gradient([0.5])
-        >>> round(value, 4), gradient.round(4)
-        (1.4768, array([0.0401]))
-        """
         point = self._at(x)
         return point.value, point.gradient.copy()
 

@@ -106,117 +106,33 @@ class DenseEngine(Engine):
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the moment and force that each loop joint exerts on its ``to`` body.
+        """Return the moment and force that each loop joint exerts on its ``to`` body, (nloops, 6).
 
-        The opposite acts on the ``from`` body. Where conditions are redundant, the solution minimises the sum of squares of
-        moments and of forces times the characteristic length.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
-
-        Returns
-        -------
-        ndarray (nloops, 6)
-            Moment about the origin of the face (N m), then force (N), along the ground's axes.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
-        >>> engine.reactions(*four_bar.initial).shape
-        (1, 6)
+        The moment about the origin of the face (N m), then the force (N), along the ground's axes. The opposite acts on the
+        ``from`` body. Where conditions are redundant, the solution minimises the sum of squares of moments and of forces
+        times the characteristic length.
         """
         return self._reactions(self._state(q, u, p, inputs, t)).value
 
     def reaction_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the values of `reactions` and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        loops : ndarray (nloops, 6)
-            The values of `reactions`.
-        dloops : ndarray (k, nloops, 6)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
-        >>> engine.reaction_sensitivities(*four_bar.initial, dp=np.eye(6))[1].shape
-        (6, 1, 6)
-        """
+        """Return the values of `reactions` and their total derivatives along seeds, (k, nloops, 6)."""
         result = self._reactions(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))
         return result.value, result.tangent
 
     def joint_reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the moment and force that the joint of each body exerts on it.
+        """Return the moment and force that the joint of each body exerts on it, (nbodies, 6).
 
-        The reactions follow from the motion of all outboard bodies and the other forces on these bodies.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
-
-        Returns
-        -------
-        ndarray (nbodies, 6)
-            Moment about the body's origin (N m), then force (N), along the ground's axes.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.joint_reactions([1.2, -0.4], [0, 0])[0, 3::2].round(3)
-        array([4.991, 4.308])
+        The moment about the body's origin (N m), then the force (N), along the ground's axes. They follow from the motion
+        of all outboard bodies and the other forces on these bodies.
         """
         return self._joint_reactions(self._state(q, u, p, inputs, t)).value
 
     def joint_reaction_sensitivities(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array]:
-        """Return the values of `joint_reactions` and their total derivatives along seeds.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        joints : ndarray (nbodies, 6)
-            The values of `joint_reactions`.
-        djoints : ndarray (k, nbodies, 6)
-            Their derivative along each direction.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/double_pendulum.yaml"))
-        >>> engine.joint_reaction_sensitivities([1.2, -0.4], [0, 0], dp=[0, 0, 0, 1, 0, 0])[1][0, 0].round(3)
-        array([0.   , 0.   , 0.   , 1.611, 0.   , 1.038])
-        """
+        """Return the values of `joint_reactions` and their total derivatives along seeds, (k, nbodies, 6)."""
         result = self._joint_reactions(self._state(q, u, p, inputs, t, **self._seeds(ALONG, seeds)))
         return result.value, result.tangent
 

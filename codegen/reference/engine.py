@@ -295,33 +295,7 @@ class Engine(Arguments):
     def complete(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array, Array]:
-        """Return speeds that close the loops, and seeds that keep them closed.
-
-        Parameters
-        ----------
-        q, u : array_like (nq,), (nu,)
-            Coordinates and speeds, SI units and radians.
-        p, inputs, t : array_like (np,), (ninputs,), number, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
-        **seeds
-            Seeds dq (k, nq), du (k, nu), dp (k, np), dinputs (k, ninputs), dt (k,).
-
-        Returns
-        -------
-        u : ndarray (nu,)
-            Speeds, with the dependent ones.
-        dq : ndarray (k, nq)
-            Seeds of the coordinates, with the dependent entries.
-        du : ndarray (k, nu)
-            Seeds of the speeds, with the dependent entries.
-
-        Examples
-        --------
-        >>> from ordernm.reference import DenseEngine
-        >>> engine = DenseEngine(ordernm.load_model("examples/four_bar.yaml"))
-        >>> engine.complete(four_bar.initial[0], [3.0, 0, 0])[0].round(3)
-        array([ 3.   , -3.683,  1.213])
-        """
+        """Return speeds that close the loops, (nu,), and seeds of q and u that keep them closed, (k, nq) and (k, nu)."""
         given = self._seeds(ALONG, seeds) if any(x is not None for x in seeds.values()) else {}
         state = self._state(q, u, p, inputs, t, **given)
         (_, dq), (u, du) = flat(state.q[self.free_q]), flat(state.u[self.free_u])
