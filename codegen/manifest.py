@@ -65,7 +65,7 @@ def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) 
 
 
 def _of_kinds(program: Program, sweep: Sweep) -> tuple[Operations, Operations]:
-    """Operations of a sweep in the blocks of all its members, once and per direction."""
+    """Numbers of operations in a sweep's blocks of all members: those done once, and those per direction."""
     once, each = Operations(), Operations()
     for kind in sweep.kinds(program.system):
         block = program.blocks[sweep.name][kind.index]

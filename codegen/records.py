@@ -1,7 +1,8 @@
 """Data classes that take little time to define.
 
-The standard `dataclasses.dataclass` compiles up to six functions for each class, which took half of the generator's import time.
-This one compiles only ``__init__``; the functions for comparison, hash and repr are shared by all classes.
+The standard `dataclasses.dataclass` compiles up to six functions for each class, which took half of the generator's
+import time. The decorator of this module compiles only ``__init__``; the functions for comparison, hash and repr are
+shared by all classes.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
     Raises
     ------
     RequestError, FolderError, ImportError
-        Before the work, for impossible requests.
+        For impossible requests, before any work is done.
     """
     _check(options)
     model = read(options.model, status)

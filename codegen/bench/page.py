@@ -55,9 +55,9 @@ results, divided by the largest entry. Reference: {source}. [benchmarks.md](benc
 compiled for the machine.
 """)
 PEERS = _prose("""
-All programs compute the same models up to the same time and take turns in one run. Each uses the best build and method found
-for it. Times are CPU times of calls from Python. If a row of ordernm has derivatives, they are under error control and its time
-includes them; of the other programs, only CasADi computes derivatives.
+All programs compute the same models up to the same time and take turns in one run. Each program uses the best build and method
+found for it. Times are CPU times of calls from Python. Where a row of ordernm has derivatives, these are under error control,
+and the time includes them. Of the other programs, only CasADi computes derivatives.
 """)
 
 

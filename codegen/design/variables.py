@@ -24,7 +24,8 @@ class Variable:
     lower, upper : float, or array_like (count,) for a whole input
         Bounds in the unit of the variable. None or an infinite number: no bound.
     scale : float, optional
-        A change that matters. Left out: half the distance of the bounds, the size of the start, or 1.
+        Size of a significant change. Left out: half the distance of the bounds; without bounds, the size of the start,
+        or 1 if that is zero.
     start : float, or array_like (count,), optional
         Start of the search. Left out: the value in the given motion.
 

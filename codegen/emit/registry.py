@@ -13,6 +13,6 @@ RESERVED = frozenset[str]().union(*(t.reserved for t in TARGETS.values()), ("num
 """Names that no target may use for variables, or that generated tables and types have; all targets use the same names."""
 
 BESIDE_C = {"_numpy.py": write_numpy}
-"""Files beside the C: endings, and the functions that write them."""
+"""Files besides the C file: endings, and the functions that write these files."""
 
 __all__ = ["BESIDE_C", "RESERVED", "TARGETS"]

@@ -49,7 +49,7 @@ class KeptBeside(jinja2.BytecodeCache):
         return found.st_uid in self.owners and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        """Fill a bucket with kept code, if that comes from the same source."""
+        """Fill a bucket with stored code, if this code comes from the same source."""
         damaged = EOFError, ValueError, pickle.UnpicklingError
         with contextlib.suppress(OSError, *damaged), open(self._file(bucket), "rb") as file:
             if self._is_ours(file):

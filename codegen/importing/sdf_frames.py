@@ -1,7 +1,7 @@
 """Poses of the frames of an SDF, and the links that they belong to.
 
-A pose is relative to the model (of a joint: to its child), or to the frame that ``relative_to`` names. A frame belongs to
-the link that ``attached_to`` names; a model's frame belongs to its canonical link.
+A pose is relative to the frame that ``relative_to`` names; by default to the model, or for a joint to its child. A
+frame belongs to the link that ``attached_to`` names; a model's frame belongs to its canonical link.
 """
 
 from __future__ import annotations

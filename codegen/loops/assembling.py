@@ -197,8 +197,7 @@ def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool
 
 
 def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: set[int]) -> Array | None:
-    """Coordinates at which loops that share joints are nearly closed together; None if there are none.
-
+    """Coordinates at which loops that share joints are nearly closed together; None if no such coordinates are found.
     At `q` each loop is nearly closed by itself; joints of an earlier loop may reduce what a later loop leaves open.
     """
     ring = _whole_ring(geometry, q, loops)

@@ -111,7 +111,8 @@ class PlacedCuts:
         return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
 
     def at_cut(self, w: Array, v: Array, o: Array) -> Array:
-        """Velocities ``(S, l, f, 3)`` at the cuts of unit screws w, v ``(S, f, 3)`` about the points o, base frame."""
+        """Velocities ``(S, l, f, 3)``, at the cuts, of unit screws w, v ``(S, f, 3)`` about the points o, base
+        frame."""
         return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
 
     def matrix(self, w: Array, at_cut: Array, sign: Array, speeds: Sequence[int] | Array) -> Array:

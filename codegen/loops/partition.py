@@ -261,7 +261,8 @@ class _Choice:
                     yield settled
 
     def _settled(self, q: Array, open_: set[int] | None, held: set[int]) -> Array | None:
-        """Coordinates at which the open loops of each component are nearly closed together; None if there are none."""
+        """Coordinates at which the open loops of each component are nearly closed together; None if no such coordinates
+        are found."""
         for loops in self.shared:
             if open_ and open_.intersection(loops):
                 settled = settled_together(self.geometry, q, loops, held)

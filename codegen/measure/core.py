@@ -277,9 +277,8 @@ def record(turns: Iterable[Turn]) -> dict[str, Any]:
 
 
 def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two arrays of zeros, which start at a page boundary and half a page after one.
-
-    Otherwise, chance would determine the cost of vectors: whether they cross cache lines, and whether stores to one array delay
+    """Two arrays of zeros; one starts at a page boundary, the other half a page after a page boundary. Otherwise,
+    chance would determine the cost of vectors: whether they cross cache lines, and whether stores to one array delay
     loads from the other.
     """
     apart = -(-n // PAGE) * PAGE + PAGE // 2

@@ -32,8 +32,8 @@ from .stores import ME, PIVOT, REGION
 from .structure.kinds import LinkKind, RegionKind
 
 SMALL = 2e-15
-"""Smallest pivot relative to the inertia along the column; below it, nothing outboard has inertia about the joint. For double
-precision, like all margins here."""
+"""Smallest pivot relative to the inertia along the column; below it, nothing outboard has inertia about the joint. This
+margin, like all margins in `mechanics`, is for double precision."""
 
 
 class ZeroPivotError(ValueError):

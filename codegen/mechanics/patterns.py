@@ -179,7 +179,7 @@ class Patterns:
             changed = False
             for kind in order:
                 changed |= self._settle(sweep, kind)
-            if not changed:  # patterns no longer grow, so a stored zero stays zero: the field is not always 1
+            if not changed:  # patterns no longer grow, so fields with a stored zero are not 1 in every state
                 for kind in kinds:
                     for memory, k, name in self._runs[kind].zeros:
                         if self.of(memory, k).get(name) is not None:

@@ -288,13 +288,14 @@ class Switches:
         return switch
 
     def _singular(self, tree: Tree) -> list[Tree]:
-        """Singular functions, without bases of roots and powers that have a switch at their zeros."""
+        """Singular functions, except bases of roots and powers for which a switch exists at the zeros of the base."""
         return singular_functions(
             tree, self._varies, lambda part, of: part in self._located and self._without_factors(of)[0] == "call"
         )
 
     def _without_factors(self, tree: Tree) -> Tree:
-        """A factor of a product with the same zeros, if the other factors do not vary."""
+        """The only varying factor of a product, which has the same zeros as the product; the product itself if several
+        factors vary."""
         while True:
             tree = _may_be_absolute(tree)
             if tree[0] == "neg" or (tree[0] in ("*", "/") and not self._has_varying(tree[2])):

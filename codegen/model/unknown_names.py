@@ -91,7 +91,7 @@ def column_of(at: Instance, sub: Path_, name: str) -> int | None:
         return None
     name = at.part.written(name)
     start = value.find(name)
-    while start >= 0:  # without a regular expression, because compiling one for each name takes longest
+    while start >= 0:  # no regular expression, because compiling it for each name would take most of the time
         end = start + len(name)
         around = value[max(start - 1, 0) : start] + value[end : end + 1]
         if not any(c.isalnum() or c in "_." for c in around):

@@ -106,7 +106,7 @@ class Kept:
 def values(
     block: Block, name: str, title: str, kept: Kept, also: Callable[[Store], bool] = lambda store: False
 ) -> Block:
-    """The part of a block over directions that computes kept scalars, with the stores selected by `also`."""
+    """The part of a block over directions that computes and stores kept scalars, and the stores selected by `also`."""
     found = Block(name, title)
     found.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     found.statements = [s for s in block.statements if not s.lanes]

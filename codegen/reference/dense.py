@@ -222,7 +222,7 @@ class DenseEngine(Engine):
         return result
 
     def _closed_speeds(self, state: State) -> Pair:
-        """Eq. 5 once in time: Phi_q u = 0."""
+        """Speeds that satisfy Phi_q u = 0, the first time derivative of Eq. 5."""
         jacobian = self._conditions(state).jacobian
         combined = state.pairs.constant(self._combinations(jacobian.value)) @ jacobian
         return self._solve(combined[:, self.dependent], -(combined @ state.u))

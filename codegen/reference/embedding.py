@@ -153,7 +153,7 @@ class _Inward:
         Z = Z + Y.mT @ of_dependent @ Y
         _add(Z, z.y, z.y, of_independent)
         for x, place in z.ends.items():
-            if x in outside:  # an end to which members are coupled is part of z: the block and its transpose
+            if x in outside:  # couplings of members to an end in z: a block of Z, and its transpose
                 R = outside.pop(x)
                 _add(Z, place, slice(None), R)
                 _add(Z, slice(None), place, R.mT)

@@ -175,7 +175,7 @@ class Pairs:
         """An elementary function of numbers, by its name in the expression grammar."""
         if name in ("min", "max"):
             result = arguments[0]
-            for x in arguments[1:]:  # of equal numbers the first counts, also for the derivative
+            for x in arguments[1:]:  # if numbers are equal, value and derivative are those of the first
                 result = x if (x.value < result.value if name == "min" else x.value > result.value) else result
             return result
         if name == "at_least":

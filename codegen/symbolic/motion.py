@@ -409,7 +409,7 @@ def _parameters(model: Model, given: Mapping[str, Any] | str | None) -> dict[str
         for symbol in sorted(s.name for s in value.free_symbols):
             if symbol in ("t", *model.inputs) or symbol.startswith(("q.", "u.", "udot.")):
                 raise SymbolicError(
-                    f"parameters: the value of {name} has {symbol}, which changes; parameters are constant"
+                    f"parameters: the value of {name} contains {symbol}, which changes; parameters are constant"
                 )
     return values
 

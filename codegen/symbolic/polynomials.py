@@ -255,7 +255,7 @@ class Algebra:
         return result
 
     def reciprocal(self, p: Polynomial) -> Polynomial:
-        """1/p: of a sum, after taking out common factors, by an atom."""
+        """1/p. For a sum p, common factors are taken out, and an atom stands for the reciprocal of the rest."""
         if not p.terms:
             raise ZeroDivisionError("division by an expression that is zero")
         if self.intermediate:

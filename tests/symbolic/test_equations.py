@@ -181,7 +181,7 @@ def test_parameters_are_given_by_name_or_as_the_model_has_them():
             one.subs({"mass": wrong})
     with pytest.raises(SymbolicError, match="neither a number nor"):
         equations(model, parameters={"length": sympy.Matrix([1])})
-    with pytest.raises(SymbolicError, match="the value of length has t, which changes; parameters are constant"):
+    with pytest.raises(SymbolicError, match="the value of length contains t, which changes; parameters are constant"):
         equations(model, parameters={"length": sympy.Symbol("t")})
     with pytest.raises(SymbolicError, match="is not a mapping"):
         equations(model, parameters=[1])

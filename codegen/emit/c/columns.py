@@ -256,7 +256,7 @@ def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
 
 
 def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]:
-    """Entries of seeds that are one, with their directions, and the seeds themselves."""
+    """Entries of seeds that have the value 1, with their directions, and the seeds themselves."""
     units = list(dict.fromkeys((w.seed, w.column, w.direction) for w in step.weighted))
     return units, list(dict.fromkeys(seed for seed, _, _ in units))
 

@@ -94,7 +94,7 @@ def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]
 
 
 def batch_members(procedures: Iterable[Procedure], read: str, written: str) -> list[tuple[str, list[str]]]:
-    """The members of that struct: types, and lines with names."""
+    """Members of the struct of a batch: types, and lines with names."""
     both = zip((read, written), batch_arrays(procedures), strict=True)
     return [(type_, called_with("", names, ";").split("\n")) for type_, names in both if names]
 
@@ -139,7 +139,7 @@ class CFunctions:
         return Function(routine.doc, head, [*lines, "return 0;"] if status else lines)
 
     def function(self, procedure: Procedure) -> Function:
-        """A function of the header; one over directions for the current width."""
+        """A function of the header; a function over directions is for the current width."""
         modes = procedure.modes is not None
         name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
         head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, self.scalar.word, modes)

@@ -137,7 +137,8 @@ def write_states(context: dict[str, Any]) -> str:
 
 
 def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
-    """The data that ``on_threads.h`` of the run time needs to run them on threads; `arrays` are the arrays of their struct."""
+    """The data that ``on_threads.h`` of the run time needs to run batches on threads; `arrays` are the arrays of the
+    struct of a batch."""
     each = [f"DO({array})" for array in arrays]
     rows = [" ".join(each[i : i + 8]) for i in range(0, len(each), 8)]
     return render("c/threads.c.jinja", {**context, "arrays": rows})

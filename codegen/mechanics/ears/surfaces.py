@@ -91,7 +91,7 @@ class SurfaceCondition:
 
     @cached_property
     def size(self) -> Value:
-        """One over the length of the gradient: held along directions, unless the ear's `shares` are differentiated."""
+        """Reciprocal of the gradient's length; it is not differentiated, unless the ear's `shares` are."""
         field = fields.surface_share(self.c, self.i)
         if self.ear.shares == "held":
             return self.x.load(EAR, field)

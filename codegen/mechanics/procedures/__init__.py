@@ -108,7 +108,7 @@ def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
         return found
     further = switches(w)[
         : None if w.system.model.switches.have_modes else 1
-    ]  # without modes, derivatives are not needed
+    ]  # models without modes need no derivatives of switching functions
     if "sensitivities_transposed" in names:
         further += backwards(w, further)
     found += tuple(replace(p, internal=True) for p in further)

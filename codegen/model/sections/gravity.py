@@ -24,7 +24,8 @@ def read_gravity(reader: Reader) -> Vector | None:
 
 
 def is_constant(reader: Reader, gravity: Vector) -> bool:
-    """Whether it depends on parameters only. It is then equivalent to an acceleration of the ground, and has a potential."""
+    """Whether gravity depends on parameters only. Such gravity is equivalent to an acceleration of the ground, and has
+    a potential."""
     return all(e.names <= reader.defaults.keys() for e in gravity)
 
 

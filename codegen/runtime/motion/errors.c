@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* Smallest difference of two rates in the middle of a constant step, times the step and relative to the state, at which its error is
- * estimated. */
+/* The error of a constant step is estimated if two rates in its middle differ by at least this number, times the step and relative to the
+ * state. */
 static const scalar LOOKED_AT = 1e-6;
 
 /* Number of state entries with error control: integrated entries; if nothing is independent, also the predictions of dependent

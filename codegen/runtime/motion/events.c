@@ -4,7 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Distance from the level, on the new side, assigned to an output that has just crossed the level, whatever the rounding error. */
+/* Distance from the level, on the new side, assigned to an output that has just crossed the level, because rounding may have left it on the
+ * old side. */
 static const scalar BEHIND = 1e-300;
 
 /* Two crossings of a level within a step are not visible at the step's ends. So outputs are also evaluated between the ends, and at extrema

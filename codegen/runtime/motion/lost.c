@@ -243,7 +243,8 @@ static void look_for_jump(ordernm_motion *m, scalar h)
     if (some) note(m, ORDERNM_JUMPS, which);
 }
 
-/* Loses directions without a derivative after singular points in the step. Without directions, records the first such point. */
+/* Looks for singular points in the step, and loses directions along which no derivative exists after such a point. Without directions,
+ * records the first such point. */
 static void look_at_points(ordernm_motion *m, const trial *step)
 {
     point at = {.which = -1};

@@ -195,7 +195,7 @@ typedef struct {
     ordernm_scalar moved_at;  /* time of that switch: if the velocity of that motion jumps there, results lack the impulse on other
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
     int late;                 /* 0, or 1 + index of a switch passed at a pose where a loop loses rank; no step can end at such a pose */
-    ordernm_scalar late_at;   /* time of that switch: its old branch was used for a tenth of a step longer */
+    ordernm_scalar late_at;   /* time of that switch; the branch before the switch was used for a tenth of a step longer */
     int component;            /* the state entry that limited the step size or was not finite; or see the reasons for the end */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set by the caller: functions in long double are not available */
@@ -221,8 +221,8 @@ typedef struct ordernm_motion ordernm_motion;
 /* Number of doubles of memory for a motion. */
 long ordernm_room(const ordernm_problem *problem);
 
-/* Numbers of doubles: of a row of results, of an event, of a step and of its head; and of the data that a method keeps between steps in
- * addition to the state. */
+/* Numbers of doubles in a row of results, in an event, in a step and in the head of a step, and in the data that a method keeps between
+ * steps in addition to the state. */
 long ordernm_row_size(const ordernm_problem *problem);
 long ordernm_event_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);

@@ -121,7 +121,7 @@ static inline void give_kept(const struct radau *r, const scalar *x, scalar *b, 
         for (int l = 0; l < width; ++l) b[(long)by->kept[i]*width + l] = x[(long)i*width + l];
 }
 
-/* b, [n][width], from right sides to solutions of (REAL/h - J) x = b. */
+/* Replaces the right sides b, [n][width], by the solutions x of (REAL/h - J) x = b. */
 static inline void solve_real_lanes(const struct radau *r, scalar *b, int width)
 {
     const reduction *const by = &r->of_step;

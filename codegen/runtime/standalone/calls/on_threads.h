@@ -44,7 +44,7 @@ static struct {
 
 static atomic_uint open_batch;    /* number of the open batch, 0 if none is open */
 static atomic_int inside;         /* threads that may be reading the data above */
-static atomic_int busy, sleeping; /* whether a batch is in work; number of sleeping threads */
+static atomic_int busy, sleeping; /* whether a batch is being computed; number of sleeping threads */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t opened = PTHREAD_COND_INITIALIZER;
 static unsigned batches; /* number of batches so far */

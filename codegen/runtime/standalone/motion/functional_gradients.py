@@ -30,8 +30,9 @@ MEMORY = 256 * 2**20
 """Bytes for the kept steps of a motion. Further steps are computed again for the adjoint."""
 
 COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
-"""Costs of gradients, relative to a motion without derivatives, for explicit methods (False) and the implicit one (True).
-Forward: a constant, and each eight directions. Adjoint: one functional, and up to eight functionals."""
+"""Costs of gradients, relative to a motion without derivatives, for explicit methods (False) and the implicit one
+(True). The first two are for forward differentiation: a constant cost, and the cost of every eight directions. The last
+two are for the adjoint: the cost with one functional, and with two to eight."""
 
 
 @dataclass(slots=True, eq=False)

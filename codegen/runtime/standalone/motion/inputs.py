@@ -142,7 +142,7 @@ class Inputs:
         return np.eye(1, len(self.values), row)[0]
 
     def changed(self, values: Mapping[tuple[int, int], float]) -> Inputs:
-        """A copy with other values, by signal and row."""
+        """A copy in which samples have new values, given by the numbers of signal and sample."""
         new, given = self.values.copy(), [x.copy() for x in self.given]
         for (signal, row), x in values.items():
             (given[signal] if given else new[:, signal])[row] = x

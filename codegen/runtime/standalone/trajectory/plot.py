@@ -27,7 +27,7 @@ FORMATS: dict[str, dict[str, str | None]] = {
 """For each suffix of a picture file, the metadata that exclude dates."""
 
 MOST_PANELS, CUT = 60, 24
-"""Maximum number of series in a picture, and the number shown when the user chose none."""
+"""Maximum number of series in a picture, and the number of series that are shown if the user does not choose."""
 
 WIDTHS = {1: 6.5, 2: 8.0, 3: 9.0}
 """Width of a picture in inches, by the number of panels side by side."""
