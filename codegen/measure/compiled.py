@@ -305,7 +305,7 @@ class Functions:
             "M": u * u,
             "inverse_M": u * u,
         }
-        of |= {"outputs": len(m["output_names"])}
+        of |= {"outputs": len(m["output_names"])} | {f"g{n}": of[n] for n in ("q", "u", "p", "inputs", "t")}
         return of | {f"d{n}": x for n, x in of.items()} | {f"J_{n}": u * of[n] for n in ("q", "u", "p", "inputs", "t")}
 
     def contestant(
