@@ -148,7 +148,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     Raises
     ------
     RequestError, ImportError
-        Before the work, for impossible requests; also for arguments that `Solver.simulate` rejects.
+        For impossible requests, before any work is done; also for arguments that `Solver.simulate` rejects.
     MotionError
     ModelError, FolderError, SingularJointError, CompileError, NoCompilerError, PackageError, TargetsDifferError
         Errors of `codegen.generate` and `codegen.load`.

@@ -99,7 +99,8 @@ def point_record(p: Point) -> Result:
 
 
 def _goal(goal: Goal, points: Sequence[Point]) -> Result:
-    """Whether a goal is met, with the setting: the one with fewest evaluations, or the fastest if the goal limits time."""
+    """Whether a goal is met, and the best setting that meets it: the one with the fewest evaluations or, if the goal
+    limits time, the fastest."""
     found = best(points, goal.error, "evaluations" if goal.seconds is None else "seconds")
     slow = found is not None and goal.seconds is not None and found.seconds >= goal.seconds
     costly = found is not None and goal.evaluations is not None and found.evaluations >= goal.evaluations

@@ -26,7 +26,7 @@ def number(value: float) -> str:
 
 
 def angle(value: float) -> str:
-    """Text of an angle, as a fraction of pi if it is exactly one."""
+    """Text of an angle; an exact fraction of pi is written as one."""
     return pi_text(value) or number(value)
 
 

@@ -199,7 +199,8 @@ class VelocityClosure:
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
     def weighed(self, geometry: Geometry, length: float) -> Array:
-        """The matrix `scaled`; for a lone coupling only signs, since its ratios must not affect the choice of dependents."""
+        """The matrix `scaled`; for a lone coupling, only the signs of its entries, because ratios must not affect the
+        choice of dependents."""
         E = self.scaled(geometry, length)
         return np.sign(E) if is_lone_coupling(geometry, self._cuts.loops) else E
 

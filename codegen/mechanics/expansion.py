@@ -178,7 +178,7 @@ def _expand(
 
 
 def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKind) -> tuple[Block, Original]:
-    """The block of a kind before simplification, and the same as it was written."""
+    """The block of a kind before simplification, and its original statements."""
     x = Expansion(
         f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
         partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,

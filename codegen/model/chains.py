@@ -42,11 +42,13 @@ class Step:
         return replace(self, **{name: x[rows] for name, x in arrays.items() if x is not None})
 
     def rotation(self, q: Array) -> Array | None:
-        """Rotation matrix from the frame behind to the frame before, ``(S, m, 3, 3)``."""
+        """Rotation matrix to components of the frame before the step from components of the frame behind it, ``(S, m,
+        3, 3)``."""
         return None
 
     def back(self, q: Array) -> Array | None:
-        """Rotation matrix from the frame before to the frame behind, ``(S, m, 3, 3)``."""
+        """Rotation matrix to components of the frame behind the step from components of the frame before it, ``(S, m,
+        3, 3)``."""
         return None
 
     def shift(self, q: Array) -> Array | None:

@@ -296,7 +296,7 @@ class RecursiveEngine(Engine):
         return result + pairs.diagonal(self._armature(pairs)) @ udot
 
     def _explicit(self, udot: Pair) -> Pair:
-        """udot with zeros for prescribed accelerations, which the remainders contain."""
+        """udot, with zeros in place of prescribed accelerations, because the remainders already contain these."""
         found = Pair(udot.value.copy(), udot.tangent.copy())
         found.value[self.held] *= 0
         found.tangent[:, self.held] *= 0

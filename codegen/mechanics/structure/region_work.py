@@ -22,8 +22,9 @@ FEW_SOURCES = 5
 unknowns."""
 
 GAIN = 0.4
-"""With more speeds, loops form one region if this takes less than this fraction of the work of separate regions. The
-margin is wide because couplings are overestimated for planar mechanisms and derivatives gain nothing."""
+"""Loops whose joints have more independent speeds form one region only if this takes less than this fraction of the
+work of separate regions. The margin is wide because couplings are overestimated for planar mechanisms and derivatives
+gain nothing."""
 
 LINK_OF_TREE = 150
 """Multiplications for a link whose inertia is propagated as a six by six matrix."""

@@ -121,7 +121,7 @@ static void count_flow(ordernm_motion *m, trial *step)
     if (m->advice > 1.0) m->advice = 0.0; /* an implicit method's advice ignores this larger error */
 }
 
-/* Adds the error of derivatives along the motion of a constant step, relative to the rates, to the results. */
+/* For a constant step, adds the error of derivatives along the motion to the results; the error is relative to the rates. */
 static void note_flow(ordernm_motion *m, const trial *step)
 {
     ordernm_results *const r = m->results;

@@ -14,7 +14,8 @@ int ordernm_counted(const ordernm_motion *m)
     return m->ny + m->nx + (m->ny ? 0 : m->nd);
 }
 
-/* The mean square of n errors relative to the tolerances: absolute, and relative to the larger of two magnitudes. */
+/* The mean square of n errors in tolerances; a tolerance is the sum of an absolute one and of a relative one times the larger of two
+ * magnitudes. */
 static scalar mean_square(long n, long step, const scalar *error, const scalar *a, const scalar *b, const scalar *atol,
     int same, scalar rtol)
 {
@@ -56,7 +57,7 @@ scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const sca
     return largest;
 }
 
-/* The state entry with the largest error in the last tried step, or that is not finite. */
+/* The state entry whose error in the last tried step is the largest, or is not finite. */
 int ordernm_worst_entry(const ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;

@@ -42,7 +42,7 @@ int ordernm_begin_flow(ordernm_motion *m)
     return m->method->gives_rate ? 0 : ordernm_rates(m, m->t, m->z, m->rate[0]);
 }
 
-/* The error of a step's derivatives along the motion, relative to the tolerance, for a step with some error of the state; `rate` contains
+/* The error of derivatives along the motion in a step, relative to the tolerance; `of_state` is the error of the state, and `rate` contains
  * the rates at the end. Errors that only rounding or a jump of rates explains are zero. */
 scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, const scalar *rate)
 {

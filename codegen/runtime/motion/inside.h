@@ -176,7 +176,7 @@ struct ordernm_motion {
     scalar *at_first;         /* [nevents] outputs minus levels at the first event of the step */
     scalar *samples;          /* outputs minus levels at places between the ends of the step */
     scalar around_event[2];   /* times in the step that bracket the event at its end */
-    scalar beside_event[2];   /* one of these two times, and the output minus the level at it */
+    scalar beside_event[2];   /* one of the two times around the event, and the output minus the level at that time */
     scalar error_to_event;    /* error of the step that was repeated to end at the event */
     int root;                 /* switch at whose zero the tried step starts or ends, see powers.c; -1 for none, MANY_ROOTS */
     int beside_power;         /* a power or root is zero so near to the step that rates may change as steeply as if they jumped */
@@ -207,7 +207,7 @@ struct ordernm_motion {
     scalar *speeds;           /* [nswitches] rates of the functions of switches with a jump before they were passed; else 0 */
     int ntogether, *together; /* number of switches passed at the same time, and these switches in their order */
     int together_jump;        /* rates jump at one of these switches */
-    scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of them; scratch */
+    scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of these switches; scratch */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
     int npoints;              /* number of singular functions that are monitored */

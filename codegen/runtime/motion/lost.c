@@ -97,7 +97,7 @@ static int differ(const ordernm_motion *m, const group *g, int lane, const scala
     return !(apart <= AGREE*largest);
 }
 
-/* Rates along all groups, with the modes of the resting switches set to those of a direction, times `side`. */
+/* Rates along all groups; the modes of the resting switches are the signs of their changes along a direction, times `side`. */
 static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
 {
     for (int i = 0; i < count; ++i) m->modes[m->resting[i]] = side*m->speeds[i];

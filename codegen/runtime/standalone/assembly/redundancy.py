@@ -111,5 +111,5 @@ class Redundancy(Room):
                 warn(
                     f"parameter {self.parameter_names[j]} opens the redundant condition {self.closure_names[condition]} by "
                     f"{row[condition]:.2g} per unit: the loop cannot stay closed when it alone changes; derivatives along "
-                    f"it belong to the nearest motion, with the conditions met that the dependent joints can meet"
+                    f"it are those of the nearest motion that satisfies the conditions which the dependent joints can satisfy"
                 )

@@ -144,7 +144,7 @@ static int run(const function *f, number *const *x, long given, double t, long k
         return run(&f, x, given, t, k); \
     }
 
-/* Calls a function for states *n to end - 1 or until it fails: the pairs `moves` contain pointers and their strides. */
+/* Calls a function for states *n to end - 1, or until a call fails. `moves` contains pairs of a pointer's index and its stride. */
 int OVER(int (*function)(number *const *, long, double, long), number **x, const long (*moves)[2], long count, long given,
     const double *t, long k, long *n, long end)
 {

@@ -26,7 +26,8 @@ GROWN = 4.0
 derivative after the pose. Such ratios are about 16, all others about 1."""
 
 ROUNDING = 1e-8
-"""Rounding error of directions that keep the loop closed, relative to the motions caused by single parameters."""
+"""Motions of dependent coordinates below this fraction of those caused by single parameters count as rounding
+errors."""
 
 MOVED = 1e-6
 """rad, or characteristic lengths: smallest motion near a pose, for a relative change of 1 of the parameters, that counts."""

@@ -287,7 +287,7 @@ class FunctionalGradients(Simulation):
         for number, segment in reversed(list(enumerate(run.segments))):
             start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
             within = (weights.times > start) & (weights.times <= end)
-            # the end of a segment is the start of the next one, which includes events at that time
+            # events at the time between two segments belong to the later segment
             times, of_outputs, of_times = weights.behind
             begun = (times >= start) & ((times < end) | (number + 1 == len(run.segments)))
             behind = times[begun], of_outputs[:, begun], of_times[:, begun]

@@ -22,7 +22,8 @@ HARDLY_DETERMINED = 1e6
 """Condition number of loops above which the message mentions the choice of independent coordinates."""
 
 BEHIND = np.logspace(-12, -3, 10)
-"""s, relative for later times: distances after the end of a motion at which forces are tested for undefined values."""
+"""Distances after the end of a motion at which forces are tested for undefined values: in s, or relative to times above
+1 s."""
 
 
 class Reasons(MotionRun):
