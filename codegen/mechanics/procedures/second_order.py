@@ -78,6 +78,7 @@ def hessian_products(w: Shared) -> Procedure:
 
 
 def _check(w: Shared) -> None:
+    """Raise the error of a model without such products."""
     if w.loops:
         raise UnknownFunctionError(
             f"functions: {HESSIAN_PRODUCTS} is for models without closed loops, and this model has the loops "
