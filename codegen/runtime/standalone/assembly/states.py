@@ -139,7 +139,7 @@ class States(Room):
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
         """Copies of q and u if these are float64 vectors of one state that closes the loops, else None."""
-        # the C code decides whether the arrays are plain
+        # the C code tests whether the arrays are float64 vectors
         if self._arguments.quaternions or self.package._one_state("coordinate_rates", given) is None:
             return None
         return given[0].copy(), given[1].copy()

@@ -53,7 +53,8 @@ MOST_IN_LANES = 8_000_000
 another."""
 
 MOST_COPIED = 4096
-"""Largest batch, in states times (1 + directions), whose arguments are copied for one state after another."""
+"""Largest batch, in states times (1 + directions), whose arguments are copied in order to compute one state after
+another."""
 
 MOST_KEPT = 1_000_000
 """Largest workspace, in numbers, that is kept between batches."""
@@ -74,7 +75,7 @@ def pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _begin_anew() -> None:
-    """After a fork: the child process has none of the threads, and the lock may be held."""
+    """Replaces pools and lock after a fork: the child process has none of the threads, and the lock may be held."""
     global _pooling
     _pooling = threading.Lock()
     _pools.clear()

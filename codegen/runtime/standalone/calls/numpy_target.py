@@ -1,4 +1,4 @@
-"""Calls the NumPy module of a package, like its C code."""
+"""Calls the NumPy module of a package, as `c_target` calls the compiled C code."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ static const BATCH *whole;
 static long chunk;
 static int wanted;
 
-/* The states of each thread (those before `untaken` are in work or done), and the first singular state that it found. */
+/* The states of each thread (states before `untaken` are being computed or done), and the first singular state that it found. */
 static struct {
     alignas(128) atomic_long untaken;
     long end, failed;

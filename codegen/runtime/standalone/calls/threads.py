@@ -1,4 +1,4 @@
-"""Number of threads for a batch, unless the user sets it."""
+"""Chooses the number of threads for a batch, unless the user sets it."""
 
 from __future__ import annotations
 
