@@ -19,6 +19,7 @@ from .listing import list_model
 from .model import Model, ModelError, load_model
 from .program.progress import Progress, silent
 from .summary import Report
+from .terminal import with_status
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ CHECK_LIMIT = 200
 """Models of more bodies are not compared with the generic engine, which is slow."""
 
 
+@with_status()
 def generate(
     model: Model | str | os.PathLike[str],
     folder: str | os.PathLike[str] | None = None,

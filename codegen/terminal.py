@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import importlib
+import inspect
 import itertools
 import os
 import shutil
+import sys
 import textwrap
 import threading
 import time
-from collections.abc import Iterable
-from typing import Any, TextIO
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, ParamSpec, TextIO, TypeVar
 
 PATIENCE = 2.0
 """Seconds after which a terminal shows the status line."""
@@ -18,6 +22,11 @@ FRAMES = "|/-\\"
 BAR = 24
 """Number of characters of the progress bar."""
 STYLES = {"bold": 1, "warning": 33}
+SILENT = ("0", "off", "no")
+"""Values of ``ORDERNM_PROGRESS`` that switch progress off."""
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def is_terminal(stream: TextIO | Any) -> bool:
@@ -38,6 +47,18 @@ def can_move(stream: TextIO | Any) -> bool:
 def can_colour(stream: TextIO | Any) -> bool:
     """Whether the stream shows colours, unless ``NO_COLOR`` forbids them."""
     return can_move(stream) and not os.environ.get("NO_COLOR")
+
+
+def in_notebook() -> bool:
+    """Whether the program runs in a notebook."""
+    return "ipykernel" in sys.modules
+
+
+def is_watched(stream: TextIO | Any) -> bool:
+    """Whether a person sees progress: on a terminal whose lines can be erased, or in a notebook, unless it is switched off."""
+    if os.environ.get("ORDERNM_PROGRESS", "").lower() in SILENT:
+        return False
+    return can_move(stream) or in_notebook()
 
 
 def width(stream: TextIO | Any) -> int | None:
@@ -88,7 +109,7 @@ class StatusLine:
         self._live: Any = None
         self._over = False
         self._lock = threading.Lock()
-        self._timer = threading.Timer(PATIENCE, self._show) if can_move(stream) else None
+        self._timer = threading.Timer(PATIENCE, self._show) if is_watched(stream) else None
 
     def __call__(self, stage: str, step: int, steps: int) -> None:
         self.stage, self.step, self.steps, self._share = stage, step, steps, None
@@ -122,12 +143,15 @@ class StatusLine:
                 self._live.stop()
 
     def _show(self) -> None:
-        from rich.console import Console
-        from rich.live import Live
-
         with self._lock, contextlib.suppress(OSError):
             if self._over:
                 return
+            if not can_move(self.stream):
+                self._live = _Cell(self._line)
+                return
+            from rich.console import Console
+            from rich.live import Live
+
             console = Console(
                 file=self.stream, force_terminal=True, no_color=not can_colour(self.stream), highlight=False
             )
@@ -145,3 +169,68 @@ class StatusLine:
         bar = "" if share is None else f" [{'#' * int(BAR * share):-<{BAR}}] {int(100 * share)}%"
         text = f"{FRAMES[int(5 * seconds) % len(FRAMES)]} {self.where}{bar} ({seconds:.0f} s)"
         return Text(text, no_wrap=True, overflow="crop")
+
+
+class _Cell:
+    """A line of output of a notebook's cell that follows `line` until `stop`, which empties it."""
+
+    def __init__(self, line: Callable[[], Any]):
+        display = importlib.import_module("IPython.display").display  # comes with every notebook
+        self.line, self.over = line, threading.Event()
+        self.output = display(self._content(str(line())), raw=True, display_id=True)
+        threading.Thread(target=self._follow, daemon=True).start()
+
+    @staticmethod
+    def _content(text: str) -> dict[str, str]:
+        return {"text/plain": text}
+
+    def _follow(self) -> None:
+        while not self.over.wait(0.5):
+            self.output.update(self._content(str(self.line())), raw=True)
+
+    def stop(self) -> None:
+        self.over.set()
+        self.output.update(self._content(""), raw=True)
+
+
+_shown = threading.Lock()
+"""Held while a call from Python shows its progress; calls within it show none."""
+
+
+@contextlib.contextmanager
+def shown() -> Iterator[StatusLine | None]:
+    """A status line for a call from Python; None where nobody watches, and within a call that has one."""
+    if not is_watched(sys.stderr) or not _shown.acquire(blocking=False):
+        yield None
+        return
+    try:
+        with StatusLine(sys.stderr) as status:
+            yield status
+    finally:
+        _shown.release()
+
+
+def with_status(what: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator of functions with an argument `progress`: left out, progress is shown where a person sees it.
+
+    Parameters
+    ----------
+    what : str
+        The work, for functions that call ``progress(step, steps)``; empty for ``progress(stage, step, steps)``.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        place = list(inspect.signature(function).parameters).index("progress")
+
+        @functools.wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            if len(args) > place or kwargs.get("progress") is not None:
+                return function(*args, **kwargs)
+            with shown() as status:
+                if status is not None:
+                    kwargs["progress"] = functools.partial(status, what) if what else status
+                return function(*args, **kwargs)
+
+        return call
+
+    return decorated

@@ -19,6 +19,7 @@ FLOORS = {
     "deferred": set(),  # names that are imported when first asked for
     "records": set(),  # data classes
     "html_tables": set(),  # results in notebooks
+    "terminal": set(),  # progress, colours, line width
     "elementary": set(),  # the elementary functions
     "jumps": {"elementary"},  # of functions of time
     "model": {"elementary", "html_tables", "jumps", "version"},
@@ -63,7 +64,12 @@ FLOORS = {
         "program",
         "version",
     },
-    "design": {"html_tables", "runtime", "version"},  # on solvers; knows no models, and no package carries it
+    "design": {
+        "html_tables",
+        "runtime",
+        "terminal",
+        "version",
+    },  # on solvers; knows no models, and no package carries it
 }
 """What each layer may import besides itself. Layers that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed layer may import them."""

@@ -343,3 +343,74 @@ sys.exit(entry.{command}())
     )
     done = subprocess.run([sys.executable, "-c", real, "--help"], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 130 and "Traceback" not in done.stderr
+
+
+CALLS = """
+import sys, time
+import ordernm
+from codegen import terminal
+
+terminal.PATIENCE = 0.0
+def slowly(self, stage, step, steps, call=terminal.StatusLine.__call__):
+    call(self, stage, step, steps)
+    time.sleep(0.3 if (stage, step) in (("expanding", 2), ("measuring cases", 2)) else 0.0)
+
+terminal.StatusLine.__call__ = slowly
+model = ordernm.load_model(sys.argv[1])
+ordernm.generate(model, "made", target="numpy")
+solver = ordernm.load("made", target="numpy")
+found = ordernm.sweep(solver, {"x": [1, 2, 3]}, lambda solver, case: {"y": case["x"]})
+print(len(found))
+"""
+
+
+def calls_on_a_terminal(cwd, **more):
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", CALLS, str(MODEL)],
+        cwd=cwd,
+        env=environment(**more),
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+    ) as process:
+        os.close(theirs)
+        found = b""
+        with contextlib.suppress(OSError):  # the other end is closed
+            while part := os.read(ours, 4096):
+                found += part
+        os.close(ours)
+        assert process.stdout.read() == b"3\n"
+    return found.decode()
+
+
+def test_calls_from_python_show_their_progress_on_terminals_only(tmp_path):
+    seen = calls_on_a_terminal(tmp_path)
+    assert "expanding, 2 of" in seen and "measuring cases, 2 of 3" in seen
+    assert seen.rstrip().endswith("\x1b[2K") or "\x1b[2K" in seen[-40:]  # erased at the end
+    for more in ({"ORDERNM_PROGRESS": "off"}, {"CI": "1"}, {"TERM": "dumb"}):
+        assert calls_on_a_terminal(tmp_path, **more) == ""
+    piped = subprocess.run(
+        [sys.executable, "-c", CALLS, str(MODEL)], cwd=tmp_path, env=environment(), capture_output=True, text=True
+    )
+    assert (piped.stdout, piped.stderr) == ("3\n", "")
+
+
+def test_a_call_within_another_shows_nothing_of_its_own(monkeypatch):
+    monkeypatch.setattr(terminal, "is_watched", lambda stream: True)
+    with terminal.shown() as outer, terminal.shown() as inner:
+        assert outer is not None and inner is None
+    with terminal.shown() as again:
+        assert again is not None
+
+
+def test_progress_that_is_given_is_used():
+    seen = []
+
+    @terminal.with_status("counting")
+    def count(n, progress=None):
+        for i in range(n):
+            progress(i + 1, n)
+
+    count(2, progress=lambda *x: seen.append(x))
+    count(1, lambda *x: seen.append(x))
+    assert seen == [(1, 2), (2, 2), (1, 1)]

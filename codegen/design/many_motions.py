@@ -15,6 +15,7 @@ from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.calls.threads import one_thread, processors
 from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.trajectory.trajectory import Trajectory
+from ..terminal import with_status
 from .failures import FAILURES
 
 
@@ -129,6 +130,7 @@ class Motions(Sequence[Trajectory | None]):
         return html_of(repr(self).splitlines()[:1], ("motion", "ended", "results"), rows)
 
 
+@with_status("simulating motions")
 def simulate_many(
     solver: Any, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
     threads: int | None = None, progress: Callable[[int, int], None] | None = None, **options: Any,

@@ -19,6 +19,7 @@ from typing import Any
 
 from ..runtime.standalone.calls.threads import processors
 from ..runtime.standalone.warning import warn
+from ..terminal import with_status
 from .sweep_cases import Case, key, listed
 from .sweep_journal import Journal, Row
 from .sweep_result import Sweep
@@ -47,6 +48,7 @@ SAME_ERROR = 8
 """A sweep is given up after this number of cases that all fail by errors in the measure."""
 
 
+@with_status("measuring cases")
 def sweep(
     solver: Any, cases: Any, measure: Callable[[Any, Case], Any],
     executor: Executor | Callable[[], Executor] | None = None, *,
