@@ -184,6 +184,7 @@ def content(wanted: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise PageError(f"{model.name} has no output {output!r}; its outputs: {', '.join(outputs)}")
     sliders = list(_sliders(model, wanted))
     package = folder / model.name
+    folder.mkdir(parents=True, exist_ok=True)
     try:
         codegen.generate(model, package, functions=FUNCTIONS, frames=True, compile=False)
     except UnknownFunctionError as error:
@@ -251,7 +252,6 @@ def page(models: Sequence[Mapping[str, Any]], folder: Path = CACHE) -> str:
     missing = missing_tools()
     if missing:
         raise PageError(f"a page that computes needs {missing}")
-    folder.mkdir(parents=True, exist_ok=True)
     data = json.dumps([content(m, folder) for m in models], separators=(",", ":")).replace("</", "<\\/")
     text = (HERE / "page.html").read_text()
     return text.replace("/*SCRIPT*/", script().replace("</script", "<\\/script")).replace("/*MODELS*/", data)
