@@ -28,9 +28,9 @@ int ordernm_jumped(const ordernm_motion *m, const scalar *z)
 
 /* ---- Dead points. ---- */
 
-/* Smallest undetermined part of dependent speeds, relative to the largest one; and the smallest growth of errors, because loose
- * tolerances alone do not indicate a pose. Near poses, rounding errors of independent speeds have at least the third size, relative to 1
- * and to the speeds. */
+/* Dependent speeds are undetermined if errors of the independent speeds change them by more than UNDETERMINED, and if they change by more
+ * than ENLARGED per relative change of the independent speeds, both relative to the largest dependent speed. Loose tolerances alone do not
+ * indicate a pose. Errors of independent speeds are at least BY_ROUNDING, relative to 1 and to the speeds. */
 static const scalar UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
 
 /* Whether the dependent speeds are undetermined at a dead point of the independent coordinates. If a loop itself loses rank, dependent

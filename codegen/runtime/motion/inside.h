@@ -144,7 +144,7 @@ struct ordernm_motion {
     scalar closed_condition;
     int closed_known;
     scalar conditions[MOST_STAGES]; /* condition numbers at the stages and at the end of a step */
-    scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop at these places */
+    scalar *ranks;            /* [MOST_STAGES][nloops] inverse condition numbers of each loop at the stages and at the end */
     scalar *ranks_between;    /* inverse condition numbers at places between the stages */
     scalar apart, apart_at_end; /* residual of dropped conditions: when loops were closed last, and at the end of the tried step */
     int widest;               /* the dropped condition with the largest residual */
