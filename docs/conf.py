@@ -8,6 +8,7 @@ from sphinx.util import logging
 from codegen.version import __version__
 
 sys.path.insert(0, str(Path(__file__).parent))  # for command_line and live_page
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "gallery"))  # for stage
 
 project = "ordernm"
 author = "The ordernm developers"
@@ -24,6 +25,7 @@ extensions = [
     "command_line",
     "live_page",
     "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = ["build", "node_modules"]
 
@@ -44,6 +46,18 @@ if not (Path(__file__).parent / MATHJAX).exists():
     logging.getLogger(__name__).warning(
         "docs/%s is missing, so equations are not typeset; run: npm install --prefix docs", MATHJAX
     )
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples/gallery",
+    "gallery_dirs": "gallery",
+    "ignore_pattern": r"stage\.py",
+    "image_scrapers": ("matplotlib", "stage.scraper"),
+    "copyfile_regex": r".*\.yaml",
+    "within_subsection_order": "FileNameSortKey",
+    "show_signature": False,
+    "plot_gallery": True,
+    "abort_on_example_error": True,
+}
 
 html_theme = "furo"
 html_title = f"ordernm {release}"
