@@ -9,7 +9,7 @@
 /* A singular function is evaluated at PARTS + 1 places of a step. If the function comes nearer to zero than a fraction of its largest value
  * in the step, its minimum is searched; a minimum below AT_POINT counts as zero. */
 enum { PARTS = 4, GOLDEN = 48 };
-static const scalar LEAST_PART = 1e-14;
+static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* intervals of the search; the latter for a first look, at the cubic through the ends */
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* Distance from a step, in its lengths, within which zeros matter; a function is zero there relative to its value at the step's end. */
@@ -56,13 +56,17 @@ static int look(ordernm_motion *m, scalar t, const scalar *z, scalar *found)
 
 static scalar singular_function(ordernm_motion *m, scalar h, int k, scalar part, int exactly)
 {
+    const long size = m->size;
+    m->size = m->values; /* switching functions need no derivatives of the state */
     if (exactly) m->method->interpolate(m, h, part, m->trial);
     else ordernm_between(m, h, part, m->trial);
+    m->size = size;
     return look(m, m->t + part*h, m->trial, m->switches) ? NAN : m->switches[k];
 }
 
-/* Position between two places at which a singular function is zero or nearest to zero. */
-static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar *least)
+/* Position between two places at which a singular function is zero or nearest to zero; minima are searched until the interval is as
+ * short as `shortest`. */
+static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar shortest, scalar *least)
 {
     static const scalar G = 0.61803398874989485;
     scalar first = singular_function(m, h, k, low, exactly), last = singular_function(m, h, k, high, exactly);
@@ -80,7 +84,7 @@ static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar hig
     }
     scalar one = high - G*(high - low), other = low + G*(high - low);
     scalar f = fabs(singular_function(m, h, k, one, exactly)), g = fabs(singular_function(m, h, k, other, exactly));
-    for (int n = 0; n < GOLDEN; ++n) {
+    for (int n = 0; n < GOLDEN && high - low > shortest; ++n) {
         if (f < g) {
             high = other, other = one, g = f;
             f = fabs(singular_function(m, h, k, one = high - G*(high - low), exactly));
@@ -115,11 +119,11 @@ static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *p
         if (!changes && least_between(size + middle - 1) > NEAR*range) continue;
         const int falls = y[from]*y[i] < 0.0;
         const scalar low = PART*(falls || !changes ? from : i), high = PART*(falls ? i : to);
-        nearest(m, h, k, low, high, 0, &least);
+        nearest(m, h, k, low, high, 0, COARSE_PART, &least);
         if (!(least <= NEARER*range)) continue;
         if (!m->complete && m->method->complete(m, h)) return 0;
         m->complete = 1;
-        *part = nearest(m, h, k, low, high, 1, &least);
+        *part = nearest(m, h, k, low, high, 1, 0.0, &least);
         if (least <= AT_POINT*range) return 1;
     }
     return 0;
@@ -195,7 +199,7 @@ int ordernm_near_point(ordernm_motion *m, const trial *step)
             const scalar here = fabs(singular_function(m, step->h, k, last, 0)), there = fabs(singular_function(m, step->h, k, 1 - last, 0));
             scalar least;
             if (here <= AT_POINT*there) return 1;
-            nearest(m, step->h, k, last ? 1.0 : -BESIDE_STEP, last ? 1.0 + BESIDE_STEP : 0.0, 0, &least);
+            nearest(m, step->h, k, last ? 1.0 : -BESIDE_STEP, last ? 1.0 + BESIDE_STEP : 0.0, 0, 0.0, &least);
             if (least <= AT_POINT_BESIDE*here) return 1;
         }
     }
