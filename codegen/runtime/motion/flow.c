@@ -18,8 +18,9 @@ static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
  * the state is below SMALLEST, or the step relative to the motion below SHORTEST. */
 static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
-/* Condition number of loops above which rounding errors dominate. */
-static const scalar POOR = 30.0;
+/* Condition number of loops, and its multiple of the smallest one so far, above both of which a loop comes near a loss of rank, and rounding
+ * errors dominate. */
+static const scalar POOR = 30.0, WORSE = 6.0;
 
 /* Starts to compute these derivatives, which are the last ones of a state. */
 void ordernm_follow_flow(ordernm_motion *m)
@@ -50,7 +51,7 @@ scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, co
     const scalar *const found = m->next + m->groups[m->ngroups].at;
     scalar size = 0.0, rates = 0.0, errors = 0.0;
     if (m->flow_unknown) return 0.0;
-    m->flow_unknown = m->beside_power || (m->nd && m->results->condition_here > POOR);
+    m->flow_unknown = m->beside_power || (m->nd && m->results->condition_here > fmax(POOR, WORSE*m->best));
     if (m->flow_unknown) return 0.0;
     for (int i = 0; i < m->ny; ++i) {
         const scalar largest = fmax(fabs(m->z[i]), fabs(m->next[i])), scale = p->atol[i] + p->rtol*largest;
