@@ -98,7 +98,7 @@ EXTRAS = {
     "trajectory/files": {"pyarrow"},
     "display/picture": {"PIL", "matplotlib", "mpl_toolkits"},
     "display/meshes": {"trimesh"},
-    "display/viewer": {"viser"},
+    "display/viewer": {"rich", "viser"},  # viser needs rich
 }
 """What single modules of it may import beside these, within functions only: who calls them has installed it."""
 

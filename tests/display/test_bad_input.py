@@ -189,3 +189,9 @@ def test_without_trimesh_a_mesh_is_a_cube_and_one_warning_says_what_to_install(t
     assert [str(w.message) for w in caught] == [
         'mesh none.stl needs trimesh: pip install "ordernm[view]"; a cube of 0.05 m is shown instead'
     ]
+
+
+def test_a_view_prints_nothing(solver, capsys):
+    pytest.importorskip("viser")
+    solver.view().close()
+    assert capsys.readouterr() == ("", "")

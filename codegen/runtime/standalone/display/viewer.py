@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import os
 import socket
 import threading
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +195,7 @@ class Viewer:
         self.arrows = wanted_arrows(arrows, poses)
         _check_port(port)
         self.title, self.poses, self.meshes = title, poses, Meshes(folder)
-        with contextlib.redirect_stdout(io.StringIO()):  # hides the banner that viser prints
+        with _quiet():
             self.server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), label=f"ordernm: {title}")
         self.url = f"http://127.0.0.1:{self.server.get_port()}"
         self.server.scene.set_up_direction("+z")
@@ -257,7 +256,7 @@ class Viewer:
 
     def close(self) -> None:
         """Stop the view."""
-        with contextlib.redirect_stdout(io.StringIO()):
+        with _quiet():
             self.server.stop()
 
     def _repr_html_(self) -> str:
@@ -265,6 +264,19 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"<Viewer of {self.title}: {self.url}>"
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Hides the lines that viser prints by rich, also in notebooks."""
+    from rich import get_console
+
+    console = get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
 
 
 def wanted_arrows(arrows: str | Sequence[str], poses: Poses) -> set[str]:
