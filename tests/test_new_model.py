@@ -1,5 +1,12 @@
 """First models, the doctor and completion."""
 
+import contextlib
+import os
+import pty
+import re
+import shutil
+import subprocess
+
 import pytest
 
 import ordernm
@@ -56,6 +63,49 @@ def test_completion_knows_commands_and_options(shell, capsys):
     assert cli.main(["completion", shell]) == 0
     out = capsys.readouterr().out
     assert "simulate" in out and "no-browser" in out
+
+
+def completed(typed, cwd):
+    """A line of an interactive bash after a few keys and TAB, with the completion loaded."""
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "TERM": "dumb", "HISTFILE": ""}
+    with subprocess.Popen(
+        ["bash", "--norc", "--noprofile", "-i"], cwd=cwd, env=environment, stdin=theirs, stdout=theirs, stderr=theirs,
+        start_new_session=True,
+    ) as shell:  # fmt: skip
+        os.close(theirs)
+        found = b""
+        os.write(ours, b"source ./script; echo $((6 * 7))ready\n")
+        with contextlib.suppress(OSError):  # the shell has closed its end
+            while b"42ready" not in found:
+                found += os.read(ours, 4096)
+            os.write(ours, f"{typed}\t\x01echo $((6 * 7)): \x05; exit\n".encode())
+            while part := os.read(ours, 4096):
+                found += part
+        os.close(ours)
+        shell.wait(10)
+    return re.search(r"^42: (.*?)\r?$", found.decode(), re.MULTILINE)[1].strip()
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("ordernm generate exa", "ordernm generate example.yaml"),
+        ("ordernm generate example.yaml -o out", "ordernm generate example.yaml -o output_folder/"),
+        ("ordernm simulate example.yaml -o run", "ordernm simulate example.yaml -o run.npz"),
+        ("ordernm view --trajectory run", "ordernm view --trajectory run.npz"),
+        ("ordernm gen", "ordernm generate"),
+    ],
+)
+def test_bash_completes_files_and_folders(typed, line, tmp_path, capsys):
+    pytest.importorskip("shtab", reason="writes the scripts: pip install shtab")
+    assert cli.main(["completion", "bash"]) == 0
+    (tmp_path / "script").write_text(capsys.readouterr().out)
+    (tmp_path / "example.yaml").touch()
+    (tmp_path / "run.npz").touch()
+    (tmp_path / "output_folder").mkdir()
+    assert completed(typed, tmp_path) == line
 
 
 def test_files_of_starters_name_the_model(tmp_path):

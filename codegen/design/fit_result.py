@@ -10,7 +10,7 @@ import numpy as np
 
 from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.trajectory.trajectory import Trajectory
+from ..runtime.standalone.trajectory.trajectory import Trajectory, counted
 from .experiments import Experiment, Space
 from .outcome import at_bound
 
@@ -277,13 +277,16 @@ class Fit:
         >>> true = solver.simulate(times, p={"length_1": 1.1})
         >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1")
         >>> found.lines()[0].partition(",")[0]
-        '1 variables from 11 samples'
+        '1 variable from 11 samples'
         """
         # long: each part of the summary has its own line of code
         n, m = len(self.names), self.freedom + len(self.singular_values)
         m -= sum(1 for _ in self.undetermined)
         failed = f", {len(self.failures)} of them failed" if self.failures else ""
-        lines = [f"{n} variables from {m} samples, {self.motions} motions{failed}; {self.freedom} degrees of freedom"]
+        lines = [
+            f"{counted(n, 'variable')} from {counted(m, 'sample')}, {counted(self.motions, 'motion')}{failed}; "
+            f"{counted(self.freedom, 'degree')} of freedom"
+        ]
         if self.sigma_given:
             lines.append(
                 f"  sum of (residual/sigma)^2: {self.sum_of_squares:.6g}, or {self.variance:.4g} per degree of freedom"

@@ -69,6 +69,7 @@ def test_a_fit_that_does_not_fit_says_so(solver):
     assert isinstance(found, Fit) and found.variance > 100
     assert "times as large as sigma" in repr(found)
     good = codegen.fit(solver, t, {"z": solver.simulate(np.r_[0.0, t], p={"c": 0.45})["z"][1:]}, ["c"], sigma=1e-4)
+    assert repr(good).startswith("1 variable from 12 samples, ")
     assert "as large as sigma" not in repr(good) and "made no progress" not in repr(good)
 
 

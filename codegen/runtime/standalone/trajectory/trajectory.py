@@ -439,7 +439,7 @@ class Trajectory:
         """
         interval = f" from {self.t[0]:.6g} to {self.t[-1]:.6g} s" if len(self) else ""
         holds = [
-            _counted(len(names), noun)
+            counted(len(names), noun)
             for noun, names in (
                 ("coordinate", self.coordinate_names),
                 ("speed", self.speed_names),
@@ -449,7 +449,7 @@ class Trajectory:
         ]
         if self.sensitivity_names:
             holds.append(f"derivatives by {some(self.sensitivity_names)}")
-        lines = [f"Trajectory of {self.model}: {_counted(len(self), 'time')}{interval}", f"  {', '.join(holds)}"]
+        lines = [f"Trajectory of {self.model}: {counted(len(self), 'time')}{interval}", f"  {', '.join(holds)}"]
         counts = [f"{self.stats[word]} {word}" for word in ("steps", "evaluations") if word in self.stats]
         if "seconds" in self.stats:
             counts.append(f"{self.stats['seconds']:.3g} s")
@@ -842,5 +842,6 @@ def _plain(where: str, value: Any) -> Any:
     raise ValueError(f"{where} is {value!r}; text, numbers, lists and mappings of these are allowed")
 
 
-def _counted(n: int, noun: str) -> str:
+def counted(n: int, noun: str) -> str:
+    """A number with its noun: ``1 time``, ``2 times``."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
