@@ -177,13 +177,11 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     scalar *const rate = m->trial;
     int status;
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
-    if ((status = ordernm_switching(m, t, z))) return status;
-    for (int i = 0; i < m->nheld; ++i) m->crossed[m->held[i]] = m->switches[m->held[i]];
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        const scalar g = m->crossed[k];
+        if ((status = ordernm_switching(m, t, z))) return status; /* inner switches are held: at a seam, outer ones jump with them */
+        const scalar g = m->switches[k];
         if (m->system->switch_kind[k] > ORDERNM_ROOT) {
-            m->switches[k] = g;
             m->modes[k] = mode_of(m, k);
             continue;
         }
