@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 import codegen
 from codegen.model import ModelBuilder, ModelError, parse_model
 from codegen.reference import DenseEngine
+from codegen.runtime import At, Integral
 
 MODEL = """\
 model: cam
@@ -192,3 +193,68 @@ def test_a_motion_over_the_seam_of_a_cubic_table_is_right_at_the_seam(tmp_path):
     spline, times = CubicSpline(x, y, bc_type="periodic"), np.linspace(-0.75, 3.0, 16)
     found = codegen.load(tmp_path / "driven").simulate(times).outputs
     assert found == pytest.approx(np.column_stack([spline(times, order) for order in range(3)]), rel=1e-9, abs=1e-9)
+
+
+SEAM_X, SEAM_Y = np.array([-1.0, -0.5, 0.25, 1.0]), np.array([0.2, 1.0, -0.5, 0.2])
+
+
+@pytest.fixture(scope="module")
+def late_slide(tmp_path_factory: pytest.TempPathFactory):
+    """A slide moved by a periodic cubic table, later by a parameter."""
+    b = ModelBuilder("late")
+    b.parameter("m", 2.0)
+    b.parameter("late", 0.0)
+    b.table("way", SEAM_X.tolist(), SEAM_Y.tolist(), kind="cubic", outside="periodic")
+    b.body("slide", joint="prismatic", axis="x", mass="m")
+    b.motion("slide", "way(t - late)")
+    b.output("speed", value="u.slide")
+    b.output("force", driving_force="slide")
+    folder = tmp_path_factory.mktemp("late") / "late"
+    codegen.generate(b.build(), folder)
+    return codegen.load(folder)
+
+
+@pytest.mark.parametrize("start", [-3.0, -1.0, 1.0, 3.0, -0.5, 0.25])
+def test_a_motion_that_starts_at_a_point_of_a_cubic_table(late_slide, start: float) -> None:
+    """At the seam, all switches of the table jump; derivatives are those of the motion after the start."""
+    spline = CubicSpline(SEAM_X, SEAM_Y, bc_type="periodic")
+    end = start + 0.4
+    s, e = ([float(spline(t, order)) for order in range(3)] for t in (start, end))
+    jerk = float(spline(start + 1e-9, 3))
+    run = late_slide.simulate(np.linspace(start, end, 3), sensitivities=("m", "late"))
+    assert run.outputs[[0, -1]] == pytest.approx(np.array([[s[1], 2 * s[2]], [e[1], 2 * e[2]]]), rel=1e-11, abs=1e-11)
+    assert run.doutputs[:, 0] == pytest.approx(np.array([[0, s[2]], [-s[2], -2 * jerk]]), rel=1e-11, abs=1e-11)
+    for method in ("forward", "adjoint"):
+        found = late_slide.judge(
+            (start, end), [At("force", start), Integral("force")], wrt=("m", "late"), method=method
+        )
+        assert found.values == pytest.approx([2 * s[2], 2 * (e[1] - s[1])], rel=1e-11, abs=1e-11)
+        gradients = np.array([[s[2], -2 * jerk], [e[1] - s[1], 2 * (s[2] - e[2])]])
+        assert found.gradients == pytest.approx(gradients, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+@pytest.mark.parametrize("start", [-1.0, 1.0, -0.5])
+def test_a_motion_under_a_linear_table_that_starts_at_a_point(slide_by_lines, start: float, speed: float) -> None:
+    """Near the start the force is a line of the position, so the motion is a known oscillation or exponential."""
+    h = 1e-3 * speed
+    at = np.mod(start + 1.0, 2.0) - 1.0
+    force = float(np.interp(at, SEAM_X, SEAM_Y))
+    slope = (float(np.interp(np.mod(start + h + 1.0, 2.0) - 1.0, SEAM_X, SEAM_Y)) - force) / h
+    rate, t = np.sqrt(complex(slope)), np.linspace(0.0, 0.2, 5)
+    moved = (speed * np.sinh(rate * t) / rate + force / slope * (np.cosh(rate * t) - 1)).real
+    run = slide_by_lines.simulate(t, [start], [speed], rtol=1e-12, atol=1e-12)
+    assert run.q[:, 0] == pytest.approx(start + moved, rel=1e-11, abs=1e-11)
+    assert run.outputs[:, 0] == pytest.approx(force + slope * moved, rel=1e-10, abs=1e-10)
+
+
+@pytest.fixture(scope="module")
+def slide_by_lines(tmp_path_factory: pytest.TempPathFactory):
+    b = ModelBuilder("lines")
+    b.table("push", SEAM_X.tolist(), SEAM_Y.tolist(), outside="periodic")
+    b.body("slide", joint="prismatic", axis="x", mass=1.0)
+    b.joint_force("by_lines", "slide", "push(q.slide)")
+    b.output("push", value="push(q.slide)")
+    folder = tmp_path_factory.mktemp("lines") / "lines"
+    codegen.generate(b.build(), folder, functions=("outputs", "simulate"))
+    return codegen.load(folder)

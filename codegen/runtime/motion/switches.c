@@ -179,7 +179,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        if ((status = ordernm_switching(m, t, z))) return status; /* inner switches are held: at a seam, outer ones jump with them */
+        if ((status = ordernm_switching(m, t, z))) return status; /* with the modes so far: if one is a jump, later functions jump too */
         const scalar g = m->switches[k];
         if (m->system->switch_kind[k] > ORDERNM_ROOT) {
             m->modes[k] = mode_of(m, k);
