@@ -5,16 +5,16 @@ Cam and follower: the spring that keeps contact
 **Problem.** A cam lifts a follower, and a spring presses the follower on the cam. At high speed the follower's inertia
 exceeds the force of the spring, and the follower lifts off. How stiff must the spring be at each speed?
 
-**Model.** `cam.yaml`: the profile is a periodic cubic table, whose second derivative is continuous everywhere, also at the
-seam. Both motions are prescribed, and the driving force of the follower is the contact force. A negative one says that the
-follower would have to be pulled.
+**Model.** `cam.yaml`: the profile is a periodic cubic table, whose second derivative is continuous everywhere, also
+at the seam. Both motions are prescribed, and the driving force of the follower is the contact force. A negative
+contact force means that the follower would have to be pulled.
 
 **Sources.** The 3-4-5 polynomial and the criterion are those of R. L. Norton, "Cam Design and Manufacturing Handbook"
-(2002). The sizes are chosen here.
+(2002). The dimensions are chosen for this example.
 """
 
 # %%
-# The contact force over one turn, and its exact derivatives by the design.
+# The contact force over one turn, and its exact derivatives with respect to the design parameters.
 import numpy as np
 import stage
 from scipy.interpolate import CubicSpline
@@ -45,8 +45,9 @@ np.testing.assert_allclose(run["contact"], by_hand(np.radians(degrees), p0["stif
 
 
 # %%
-# **The stiffness at which the follower just keeps contact.** The least force while the follower is lifted is a function of the
-# stiffness. Its derivative is that of the force at the place of the minimum, so Newton's method needs a few turns only.
+# **The stiffness at which the follower just keeps contact.** The least force while the follower is lifted is a
+# function of the stiffness. Its derivative is that of the force at the place of the minimum, so Newton's method needs
+# only a few iterations.
 def softest(speed, turns=20):
     stiffness, t = 1e4, np.linspace(0, 2 * np.pi / speed, 721)
     for _ in range(turns):

@@ -9,13 +9,15 @@ shake if one piston or one counterweight is wrong by some grams?
 **Model.** `four_cylinder.yaml`: a crankshaft at constant speed, four connecting rods and pistons in four loops, and two
 balance shafts that are geared to turn twice as fast, in opposite directions.
 
-**Sources.** C. F. Taylor, "The Internal-Combustion Engine in Theory and Practice", volume 2 (1985), has the balance of
-engines; F. W. Lanchester patented the shafts in 1907. The dimensions are those of a typical two-litre engine, chosen here.
+**Sources.** C. F. Taylor, "The Internal-Combustion Engine in Theory and Practice", volume 2 (1985), treats the
+balance of engines; F. W. Lanchester patented the shafts in 1907. The dimensions are those of a typical two-litre
+engine, chosen here.
 """
 
 # %%
-# `reactions` returns the forces of all joints. Those of the bodies that are carried by the block have a sum, and the block
-# feels its opposite. Derivatives with respect to all 16 parameters come with it, along states whose loops stay closed.
+# `reactions` returns the forces of all joints. The block feels minus the sum of the joint forces on the bodies that
+# it carries. Derivatives with respect to all 16 parameters are computed with them, along states whose loops stay
+# closed.
 import numpy as np
 import stage
 
@@ -44,8 +46,8 @@ def shake(p):
 force, dforce = shake({})
 
 # %%
-# A check by hand: with :math:`m` of a piston and 0.3 of a rod, the force is :math:`-m \sum \ddot z`, where
-# :math:`z = r \cos\theta + \sqrt{l^2 - r^2 \sin^2\theta}` for each crank angle.
+# A check by hand: let :math:`m` be the mass of a piston plus 0.3 of the mass of a rod. The force is
+# :math:`-m \sum \ddot z`, where :math:`z = r \cos\theta + \sqrt{l^2 - r^2 \sin^2\theta}` for each crank angle.
 m, r, L, w = p0["piston_1"] + 0.3 * p0["rod_mass"], p0["radius"], p0["rod"], p0["speed"]
 
 
@@ -87,7 +89,8 @@ np.testing.assert_allclose(first[0], 1e-3 * r * w**2, rtol=1e-9)
 np.testing.assert_allclose(first[1], 1e-5 * w**2, rtol=1e-9)
 
 # %%
-# **Result.** The torque that the driven machine feels is minus the driving force. Without gas it is that of inertia.
+# **Result.** The torque that the driven machine feels is minus the driving force. Without gas pressure, only inertia
+# causes this torque.
 fig, (left, middle, right) = stage.figure(10, 3.4, 1, 3)
 degrees = np.degrees(w * t)
 left.plot(degrees, force / 1e3, color=stage.ORANGE, label="without balance shafts")

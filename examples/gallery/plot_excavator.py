@@ -14,9 +14,9 @@ stick stand still here, and the bucket curls.
 """
 
 # %%
-# By virtual work the force at the teeth is the push times the speed of the piston over the speed of the teeth. The output
-# `power` is the piston's speed if the push is 1 N, and its derivatives by the lengths are derivatives of a velocity in closed
-# loops. The distance of the teeth from the bucket's pin is the length of the bucket.
+# By virtual work the force at the teeth is the push times the speed of the piston over the speed of the teeth. The
+# output `power` is the piston's speed if the push is 1 N, and its derivatives with respect to the lengths are those
+# of a velocity in closed loops. The distance of the teeth from the bucket's pin is the length of the bucket.
 import numpy as np
 import stage
 from scipy.optimize import linprog
@@ -53,10 +53,10 @@ def digging(p):
 force, slopes = digging({})
 
 # %%
-# A check by statics: the force of the cylinder that holds the machine against a force at the teeth. The solver has no force
-# there; but a force F across the bucket at distance L has the torque F L about its pin, and the change of the bucket's
-# acceleration by the cylinder has to be the opposite of that by this torque, with boom and stick held by their own forces.
-# Inverse dynamics gives the forces of all joints that hold the machine, with and without the push.
+# A check by statics: the force of the cylinder that holds the machine against a force at the teeth. The model has no
+# force there. A force F across the bucket at distance L has the torque F L about the bucket's pin. The changes of the
+# bucket's acceleration by this torque and by the cylinder have to cancel, while boom and stick are held by their own
+# forces. Inverse dynamics gives the forces of all joints that hold the machine, with and without the push.
 q, u = machine.assemble({"bucket": float(angles[len(angles) // 2])})
 hold = [machine.inverse_dynamics(q, 0 * u, np.zeros(machine.nu), inputs={"force_bucket": F}) for F in (push, 0.0)]
 place = machine.independent_speed_names.index("bucket")
@@ -107,5 +107,6 @@ right.set(xlabel="angle of the bucket (degrees)", ylabel="kN per cm", title="Der
 right.legend()
 
 # %%
-# The arm sinks under its own weight, in throttled oil. `examples/excavator_lift.py` lifts the load with the least work.
+# The arm sinks under its own weight, slowed by the throttled oil of its cylinders. `examples/excavator_lift.py` lifts
+# the load with the least work.
 stage.animate(machine.simulate(np.linspace(0, 2, 31)), "excavator", rate=15, view="y")

@@ -14,8 +14,8 @@ des régulateurs", Comptes Rendus 83 (1876), found the limit of stability. The d
 """
 
 # %%
-# Steady rotation is no state of rest. We solve :math:`\dot u = 0` for the angle of the arms and the speed of the shaft, by
-# Newton's method with exact Jacobians, in which the loops stay closed.
+# Steady rotation is not a state of rest. We solve :math:`\dot u = 0` for the angle of the arms and the speed of the
+# shaft. Newton's method uses exact Jacobians, which include the closed loops.
 import numpy as np
 import stage
 
@@ -38,9 +38,9 @@ def steady(load, p):
 
 
 # %%
-# **Speed and load.** The valve's opening determines the height of the sleeve, and this the speed. For equal arms and links
-# the speed is known: :math:`\omega^2 = ((m + M) g + F)/(m h)`, where F is the force of the spring and h the height of the
-# rhombus' upper half.
+# **Speed and load.** The valve's opening determines the height of the sleeve, and this height determines the speed.
+# For equal arms and links the speed is known: :math:`\omega^2 = ((m + M) g + F)/(m h)`, where F is the force of the
+# spring and h the height of the rhombus' upper half.
 loads = np.linspace(40.0, 180.0, 5 if stage.SHORT else 29)
 springs = [0.0, 500.0, 1500.0]
 speeds = np.array([[steady(load, {"stiffness": k})[1][shaft] for load in loads] for k in springs])

@@ -13,7 +13,8 @@ IEEE ICRA (1986). Payload, friction, gains and noise are chosen here.
 """
 
 # %%
-# The experiment: commands of five sines in each joint for eight seconds, samples with errors of 0.1 mrad.
+# The experiment: the command of each joint is a sum of five sines over eight seconds, and the samples have errors of
+# 0.1 mrad.
 import numpy as np
 import stage
 
@@ -49,8 +50,9 @@ fit = ordernm.fit(robot, times, samples, dict.fromkeys(wanted), p=guess, inputs=
 print(fit)
 
 # %%
-# Checks: all values are within four standard deviations of the truth, and the sum of squares is what the noise makes it. The
-# standard deviations follow from a Jacobian that is made here by other means: the motion's own sensitivities.
+# Checks: all values are within four standard deviations of the truth, and the sum of squares agrees with the noise.
+# The standard deviations are compared with those from a Jacobian that is computed in another way: from the motion's
+# own sensitivities.
 errors = np.array([(fit[n] - truth[n]) / fit.deviation(n) for n in wanted])
 assert fit.success and np.abs(errors).max() < 4 and 0.8 < fit.variance < 1.2
 found = robot.simulate(times, p={n: fit[n] for n in wanted}, inputs=command, sensitivities=wanted)

@@ -2,17 +2,18 @@ r"""
 Jansen's linkage: a flatter step
 ================================
 
-**Problem.** The leg of Theo Jansen's Strandbeest walks by the turn of one crank. While the foot is on the ground it should
-neither rise nor sink, and move back at a constant speed, otherwise the beast bobs and drags its feet. Which changes of the
-eleven bars make the step flatter?
+**Problem.** The leg of Theo Jansen's Strandbeest walks when one crank turns. While the foot is on the ground it
+should neither rise nor sink, and move back at a constant speed, otherwise the beast bobs and drags its feet. Which
+changes of the eleven bars make the step flatter?
 
 **Model.** `jansen.yaml`: seven bodies, three loops, and a crank with prescribed motion. All lengths are parameters.
 
-**Source.** T. Jansen, "The Great Pretender" (2007), has the numbers of the bars.
+**Source.** T. Jansen, "The Great Pretender" (2007), gives the lengths of the bars.
 """
 
 # %%
-# The path of the foot, with exact derivatives by all lengths. They follow the closed loops around the whole turn.
+# We compute the path of the foot with its exact derivatives with respect to all lengths. The derivatives include the
+# closed loops over the whole turn.
 import numpy as np
 import stage
 
@@ -85,7 +86,7 @@ for name in bars:
     print(f"  {name}: {100 * p0[name]:.1f} -> {100 * best.outcome[name]:.2f} cm")
 
 # %%
-# The optimum is checked by circles, too.
+# The optimum is checked by intersections of circles, too.
 new = p0 | {name: best.outcome[name] for name in bars}
 circles = np.array([by_circles(new, 2 * np.pi * x) for x in t])
 np.testing.assert_allclose(np.column_stack([after["foot_x"], after["foot_z"]]), circles, atol=1e-10)

@@ -8,12 +8,13 @@ femur some millimetres away from the old place?
 
 **Model.** `knee.yaml`: thigh and shank, two ligaments as massless distances (two loops), and three muscles as lengths.
 
-**Sources.** J. J. O'Connor, T. L. Shercliff, E. Biden, J. W. Goodfellow, "The geometry of the knee in the sagittal plane",
-Proc. Inst. Mech. Engrs. H 203 (1989), for the linkage. The attachments are rounded sizes of an adult, chosen here.
+**Sources.** J. J. O'Connor, T. L. Shercliff, E. Biden, J. W. Goodfellow, "The geometry of the knee in the sagittal
+plane", Proc. Inst. Mech. Engrs. H 203 (1989), for the linkage. The positions of the attachments are rounded values
+for an adult, chosen for this example.
 """
 
 # %%
-# The moment arm of a muscle is minus the derivative of its length by the flexion, along closed loops.
+# The moment arm of a muscle is minus the derivative of its length with respect to the flexion, with the loops closed.
 import numpy as np
 import stage
 
@@ -41,9 +42,10 @@ by_geometry = (arm[..., 1] * ways[:, 2:, 0] - arm[..., 0] * ways[:, 2:, 1]) / np
 np.testing.assert_allclose(np.abs(by_geometry.T), np.abs(arms), atol=1e-12)
 
 # %%
-# **The surgeon's millimetres.** `bias_force` is the torque at the knee that holds the leg. It is linear in the force of the
-# hamstrings, so its change by one newton is their moment arm, and the derivatives of this change are those of the arm. These
-# are second derivatives of the length, but nothing has been differenced in the places.
+# **The surgeon's millimetres.** `bias_force` is the torque at the knee that holds the leg. It is linear in the force
+# of the hamstrings, so the change of the torque by one newton is their moment arm, and the derivatives of this change
+# are those of the moment arm. These are second derivatives of the length, yet no difference has been taken over the
+# attachment points.
 moves = ("acl_femur.x", "acl_femur.z", "hamstring_insertion.x", "hamstring_insertion.z")
 dp = np.zeros((len(moves), 1, leg.np))
 for k, name in enumerate(moves):
@@ -54,8 +56,8 @@ np.testing.assert_allclose((none[0] - one[0])[:, place], arms[0], atol=1e-11)
 darm = (none[1] - one[1])[:, :, place]
 
 # %%
-# Without the ligaments' loops the derivative by the insertion would be that of a hinge. In the loops, moving a ligament moves
-# the centre of rotation. A difference of two assembled legs confirms one of these numbers.
+# Without the ligaments' loops, the derivative with respect to the insertion would be that of a hinge. With the loops,
+# moving a ligament moves the centre of rotation. A difference of two assembled legs confirms one of these numbers.
 h = 1e-5
 shifted = []
 for sign in (1, -1):

@@ -35,9 +35,10 @@ names = robot.parameter_names
 
 
 # %%
-# All hips get one torque and all knees another. The trunk is level. Three unknowns, both torques and the place of the trunk above
-# the feet, let three accelerations vanish: ahead, up and in pitch. Newton's method has the exact Jacobian, in which the
-# loops stay closed, and the same Jacobian gives the derivatives of the torques by the lengths.
+# All hips get one torque and all knees another. The trunk is level. Three unknowns, both torques and the place of the
+# trunk above the feet, make three accelerations vanish: ahead, up and in pitch. Newton's method uses the exact
+# Jacobian, which includes the closed loops. The same Jacobian gives the derivatives of the torques with respect to
+# the lengths.
 rows = [robot.speed_names.index(f"trunk.{n}") for n in ("vx", "vz", "wy")]
 ahead = robot.coordinate_names.index("trunk.px")
 
@@ -80,8 +81,9 @@ for q, (hip, knee) in zip(states, torques, strict=True):
     np.testing.assert_allclose(hip * turn[0] + knee * turn[1], gain, rtol=1e-9)
 
 # %%
-# **Which leg?** The mean square of both torques at a height of 48 cm, over thigh and shin, with its exact gradient as arrows. The
-# valley runs where the legs are nearly stretched; there, however, the robot can no longer rise.
+# **Which leg?** The figure below shows the mean square of both torques at a height of 48 cm over the lengths of thigh and
+# shin, with its exact gradient as arrows. The valley runs where the legs are nearly stretched; there, however, the
+# robot can no longer rise.
 lengths = np.linspace(0.27, 0.35, 3 if stage.SHORT else 13)
 start = states[np.argmin(np.abs(heights - 0.48))]
 cost, gradient = np.zeros((len(lengths), len(lengths))), np.zeros((2, len(lengths), len(lengths)))

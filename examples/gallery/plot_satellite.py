@@ -2,7 +2,7 @@ r"""
 Satellite with wheels: a slew that leaves the panels at rest
 ============================================================
 
-**Problem.** A satellite turns by 30 degrees in a minute by the torque of a reaction wheel. Its solar panels and its boom
+**Problem.** The torque of a reaction wheel turns a satellite by 30 degrees in a minute. Its solar panels and its boom
 swing with the turn. Which torque over time leaves them at rest, and points the satellite exactly?
 
 **Model.** `examples/satellite.yaml`: a free bus with two hinged panels, a boom of three pieces and three reaction wheels.
@@ -37,10 +37,10 @@ b.output("boom_rate_1", value="u.boom_1.1")
 satellite = stage.solver(b.build(), frames=True)
 
 # %%
-# The torque of the wheel is a cubic B-spline through 17 control points. At the end the bus has turned by 30 degrees, and all
-# rates and deflections vanish: those of the second panel follow by symmetry, and those of the boom's outer pieces belong to modes
-# that a smooth torque hardly excites. One motion gives the effort, six conditions, and the exact derivatives of all by the
-# control points.
+# The torque of the wheel is a cubic B-spline through 17 control points. At the end the bus has turned by 30 degrees,
+# and all rates and deflections vanish: those of the second panel follow by symmetry, and those of the boom's outer
+# pieces belong to modes that a smooth torque hardly excites. One motion gives the effort, six conditions, and the
+# exact derivatives of all of them with respect to the control points.
 seconds, count = 60.0, 17
 knots = np.linspace(0, seconds, count - 2)
 rest = np.zeros(satellite.nq)
@@ -100,7 +100,8 @@ print(
 )
 
 # %%
-# **What if** the hinges are softer than was believed? The derivatives of the end tell, for the torque that was found.
+# **What if** the hinges are softer than was believed? The derivatives of the final state answer this for the torque
+# that was found.
 doubt = ("hinge_stiffness", "boom_stiffness", "panel_density", "boom_tip")
 torque = {"torque_1": (knots, values, "spline")}
 robust = satellite.simulate(t, **still, inputs=torque, sensitivities=doubt, method="radau")

@@ -38,9 +38,9 @@ def platform(t):
 
 
 # %%
-# Accelerations are linear in the forces of the legs. With the derivative J by the forces, the wanted acceleration needs
-# :math:`J^{-1}` of what is missing without them. Where forces f produce the wanted acceleration, their derivatives by a
-# dimension follow from those of the acceleration: :math:`df/dp = -J^{-1}\,d\dot u/dp`.
+# Accelerations are linear in the forces of the legs. Let J be the derivative with respect to these forces. The forces
+# are :math:`J^{-1}` times the acceleration that is missing without them. The derivatives of these forces f with
+# respect to a dimension p follow from those of the acceleration: :math:`df/dp = -J^{-1}\,d\dot u/dp`.
 free = [stewart.speed_names.index(n) for n in stewart.independent_speed_names]
 
 
@@ -68,9 +68,9 @@ for (q, u, udot), power in zip(states, ((forces + own) * speeds).sum(axis=1), st
     np.testing.assert_allclose(power, rate, atol=1e-8 * np.abs(forces).max())
 
 # %%
-# **Workspace.** The platform is turned about the vertical. Where the columns of the legs' Jacobian become dependent, the
-# platform can move although all legs are locked, and the forces grow beyond limits. At a quarter turn from the middle
-# position this happens, whatever the dimensions.
+# **Workspace.** The platform is turned about the vertical. Where the columns of the legs' Jacobian become dependent,
+# the platform can move although all legs are locked, and the forces grow without limit. At a quarter turn from the
+# middle position this happens, whatever the dimensions.
 yaws, heights = (
     np.radians(np.linspace(-80, 80, 9 if stage.SHORT else 41)),
     np.linspace(0.7, 1.1, 3 if stage.SHORT else 17),

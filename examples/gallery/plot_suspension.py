@@ -9,13 +9,14 @@ outer wheel?
 **Model.** `axle.yaml`: two double wishbones in front view (two loops), springs, an anti-roll bar, tyres, and a chassis that
 heaves, shifts and rolls; five degrees of freedom.
 
-**Sources.** W. F. and D. L. Milliken, "Race Car Vehicle Dynamics" (1995), for the concepts. The hard points are those of
-`double_wishbone.yaml`, a middle-class car.
+**Sources.** W. F. and D. L. Milliken, "Race Car Vehicle Dynamics" (1995), for the concepts. The hard points are those
+of `double_wishbone.yaml`, a mid-size car.
 """
 
 # %%
-# `equilibrium` finds the state in a steady bend with its derivatives by all parameters, and `output_sensitivities` turns
-# them into those of roll and camber. Four kinds of derivative, of loops, forces, equilibrium and outputs, are exact.
+# `equilibrium` finds the state in a steady bend with its derivatives with respect to all parameters.
+# `output_sensitivities` turns them into the derivatives of roll and camber. Four kinds of derivative, of loops,
+# forces, equilibrium and outputs, are exact.
 import numpy as np
 import stage
 
@@ -67,8 +68,8 @@ for n in free:
     print(f"  {n}: {p0[n]:.4f} -> {design[n]:.4f}")
 
 # %%
-# **Result.** What a millimetre, or a percent of a stiffness, changes; both designs over the lateral acceleration; and the roll
-# after the driver has turned in within 0.2 s.
+# **Result.** The figure shows what a millimetre, or a percent of a stiffness, changes. It compares both designs over
+# the lateral acceleration, and shows the roll after the driver has turned in within 0.2 s.
 fig, (bars, static, dynamic) = stage.figure(10, 3.6, 1, 3, width_ratios=[1.2, 1, 1])
 shown = [n for n in names if n.endswith(("_y", "_z"))] + ["spring", "bar"]
 unit = np.array([1e-3 if n.endswith(("_y", "_z")) else 0.01 * p0[n] for n in shown])

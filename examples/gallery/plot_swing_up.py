@@ -12,8 +12,8 @@ SIAM Review 59 (2017), solves it by collocation. The dimensions are those of the
 """
 
 # %%
-# The force is a polyline through 26 values. The objective is the integral of its square, and the final state is a constraint.
-# One motion gives all five numbers with their exact derivatives by the 26 values.
+# The force is a polyline through 26 values. The objective is the integral of its square, and the final state is a
+# constraint. One motion gives all five numbers with their exact derivatives with respect to the 26 values.
 import numpy as np
 import stage
 from scipy.linalg import solve_continuous_are
@@ -60,8 +60,8 @@ print(f"largest remaining gradient: {np.abs(left).max() / np.abs(gradients[0]).m
 assert stage.SHORT or np.abs(left).max() < 1e-2 * np.abs(gradients[0]).max()
 
 # %%
-# **Staying up.** `linearize` gives A and B at the top, and Riccati's equation the gains. The controller is a joint force with
-# held inputs: every 10 ms the force is set anew.
+# **Staying up.** `linearize` gives A and B at the top, and Riccati's equation the gains. The controller is a joint
+# force with held inputs: the force is set again every 10 ms.
 top = cart.linearize({"pole": np.pi})
 X = solve_continuous_are(top.A, top.B, np.diag([10.0, 10.0, 1.0, 1.0]), np.eye(1))
 gain = (top.B.T @ X)[0]
