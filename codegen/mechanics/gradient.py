@@ -84,7 +84,7 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
             inward.stores = [(a, n, e) for a, n, e in inward.stores if a.memory is not LANE or n in shared]
         blocks[GRADIENT_OUT][k], blocks[name_in][k] = outward, inward
     slots = {s: program.slots.get(s, []) for s in ("balance_in", "balance_out", "complete")}
-    assert not set(slots["balance_out"]) & set(slots["complete"]), "these sweeps share one slot"
+    assert not set(slots["balance_out"]) & set(slots["complete"]), "the sweeps balance_out and complete share a slot"
     program.slots[GRADIENT_OUT] = slots["balance_in"]
     program.slots[name_in] = [*slots["balance_out"], *(slots["complete"] if closed else ())]
     for memory in (LANE, REGION_LANE):

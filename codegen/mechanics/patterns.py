@@ -26,7 +26,7 @@ MemoryKey = tuple[Memory, str]
 """A sort of memory and, for slots, the sweep that uses them; the sweep is "" for memory that outlives sweeps."""
 
 KindKey = int | tuple[int, int]
-"""Index of a kind; for a coupling, the kind of the unit with which it ends, and the coupling's number in this unit."""
+"""Index of a kind. For a coupling: the kind of the unit that the coupling ends with, and its number in this unit."""
 
 Place = tuple[MemoryKey, KindKey, str]
 """A component of the memory of a kind."""

@@ -477,7 +477,7 @@ def within(steps: tuple[Step, ...]) -> Iterator[Step]:
 
 
 def flat(steps: tuple[Step, ...], which: Callable[[Step], bool] = over_directions) -> tuple[Step, ...]:
-    """Replace routines over directions, or those of `which`, by their steps."""
+    """Steps in which each call of a routine over directions, or of a routine selected by `which`, is replaced by its steps."""
     found: list[Step] = []
     for step in steps:
         found += flat(step.routine.steps, which) if isinstance(step, Perform) and which(step) else (step,)

@@ -405,5 +405,5 @@ class RecursiveEngine(Engine):
         except SingularMatrixError as error:
             body = self.model.bodies[k]
             raise SingularMatrixError(
-                f"body {body.name}: nothing that its {body.joint.type} joint moves has inertia against it ({error})"
+                f"body {body.name}: nothing that its {body.joint.type} joint moves has inertia along or about it ({error})"
             ) from None

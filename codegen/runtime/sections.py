@@ -54,7 +54,7 @@ TOGETHER = ("statics", "first-order equations", "state.loop_forces")
 """Entries of both tables for which a manifest must contain all of the keys."""
 
 ANYWAY = ("weighted gradients", "outputs")
-"""Sections that are also included if the manifest lacks these functions, except in packages of selected functions."""
+"""Sections that a package contains even if its manifest lacks their functions, except a package of selected functions."""
 
 ALWAYS = ("errors", "state.derivatives")
 """Modules that the ``__init__.py`` of every package imports in addition to its solver."""

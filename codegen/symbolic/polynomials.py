@@ -138,7 +138,7 @@ class Algebra:
         return self._closed[expression]
 
     def named(self, p: Polynomial, most: int) -> Polynomial:
-        """The polynomial, or with more than `most` terms an intermediate variable that equals it or its negative."""
+        """The polynomial itself; if it has more than `most` terms, an intermediate variable for it or for its negative."""
         if len(p.terms) <= most:
             return p
         factor = 1 if p.terms[min(p.terms)] > 0 else -1

@@ -170,7 +170,7 @@ class WrittenTangents(EarTangents):
                     self.d.of[w] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
 
     def fixed_vectors(self) -> None:
-        """Tangents of the vectors fixed in links that have been written since the last call."""
+        """Tangents of link-fixed vectors, for those vectors that were written since the last call."""
         while self.fixed < len(self.ear.fixed):
             self._scan()
             v = self.ear.fixed[self.fixed]

@@ -102,7 +102,7 @@ class LoopFaces:
 
 
 def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
-    """A loop joint with its faces on links."""
+    """The faces of a loop joint, on the links that carry them."""
     on: list[int] = []
     steps: list[tuple[Placement, ...]] = []
     for face in (loop.start, loop.end):

@@ -34,7 +34,7 @@ def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any =
     if not isinstance(out, (tuple, list)) or len(out) != len(names):
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
-        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # the mask would stay as it is
+        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # its mask would not be updated
             seen = f"is {type(x).__name__}"
         elif x.dtype != dtype or x.shape != shape:
             seen = f"holds {x.dtype} and has shape {x.shape}"
