@@ -16,6 +16,9 @@ static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
  * is constant, such as abs(x) - x where x > 0, counts as zero if it is smaller than the second number, a rounding error. */
 static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
+/* Part of the motion's duration after which a motion that begins at rest at a switch has left it. */
+static const scalar MOMENT = 1e-8;
+
 enum { FEW_REFUSED = 3 };
 
 static const scalar TURN_OF_A_STEP = 2.0; /* rad */
@@ -169,6 +172,25 @@ int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
     return status;
 }
 
+/* The mode of a switch whose function and its speed are zero at the start: the sign that the function takes if the motion, from rest, leaves
+ * the zero to the same side with both modes; otherwise 0. */
+static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
+{
+    const scalar moment = MOMENT*(m->problem->end - m->problem->start);
+    scalar *const rate = m->trial, *const later = m->error[0];
+    scalar way[2];
+    for (int n = 0; n < 2; ++n) {
+        m->modes[k] = 2*n - 1;
+        if (ordernm_rates_of(m, t, z, rate, 0, 0, RATES)) return 0.0;
+        memcpy(later, z, m->size*sizeof(scalar));
+        for (int i = 0; i < m->ny; ++i) later[i] += moment*rate[i];
+        if (ordernm_rates_of(m, t + moment, later, rate, 0, 0, RATES)) return 0.0;
+        if (ordernm_switch_speed(m, t + moment, later, rate, k, way + n)) return 0.0;
+    }
+    const scalar leaves = sign_of(way[0]) == sign_of(way[1]) ? fmin(fabs(way[0]), fabs(way[1])) : 0.0;
+    return leaves*(m->problem->end - m->problem->start) > ROUNDED*MOMENT ? sign_of(way[0]) : 0.0; /* not by rounding errors */
+}
+
 /* The modes at the start. Where a switching function is zero, its rates with all modes are compared. Returns 0, the status of a function,
  * or SLIDES with the switch in the results. */
 int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
@@ -197,7 +219,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
         if (fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) m->modes[k] = side;
         else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
         else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
-        else if (way[1] == 0.0) m->modes[k] = 0.0; /* the motion rests at the switch */
+        else if (way[1] == 0.0) m->modes[k] = way[0] == 0.0 && way[2] == 0.0 ? mode_from_rest(m, t, z, k) : 0.0; /* rests at the switch */
         else if (way[2] < 0.0) {
             m->results->component = k;
             return SLIDES;
