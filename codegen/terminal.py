@@ -108,6 +108,7 @@ class StatusLine:
         self._begun = time.monotonic()
         self._live: Any = None
         self._over = False
+        self._later: list[str] = []
         self._lock = threading.Lock()
         self._timer = threading.Timer(PATIENCE, self._show) if is_watched(stream) else None
 
@@ -141,6 +142,15 @@ class StatusLine:
             self._over = True
             if self._live is not None:
                 self._live.stop()
+            write_lines(self._later, self.stream)
+            self._later = []
+
+    def after(self, lines: str) -> None:
+        """Prints lines as soon as the status line is erased."""
+        with self._lock:
+            self._later += lines.splitlines()
+        if self._over:
+            self.close()
 
     def _show(self) -> None:
         with self._lock, contextlib.suppress(OSError):

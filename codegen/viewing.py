@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import warnings
 import webbrowser
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +57,24 @@ def run_view(options: argparse.Namespace, status: StatusLine) -> int:
         For impossible requests, before any work is done.
     """
     _check(options)
+    with _warnings_printed(status):
+        return _shown(options, status)
+
+
+@contextlib.contextmanager
+def _warnings_printed(status: StatusLine) -> Iterator[None]:
+    """Prints Python's warnings like those of other commands, without a place in Python files."""
+
+    def show(message: Warning | str, *place: Any, **more: Any) -> None:
+        status.after(str(message) if "warning: " in str(message) else f"warning: {message}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", RuntimeWarning)
+        warnings.showwarning = show
+        yield
+
+
+def _shown(options: argparse.Namespace, status: StatusLine) -> int:
     model = read(options.model, status)
     folder = Path(options.model).resolve().parent if Path(options.model).is_file() else Path()
     written = _files(options)

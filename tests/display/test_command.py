@@ -56,6 +56,16 @@ def test_pictures_animations_and_pages_are_written_and_replaced(capsys):
     assert cli.main("view swing.yaml --trajectory run.npz --html a.html".split()) == 0
 
 
+def test_warnings_of_a_model_are_those_of_other_commands(capsys):
+    pytest.importorskip("viser")
+    Path("swing.yaml").write_text(MODEL.replace("{length: 1.0}", "{length: 1.0, unused: 2.0}"))
+    assert cli.main(["check", "swing.yaml"]) == 0
+    warning = capsys.readouterr().out.splitlines()[0]
+    assert "warning: " in warning and "unused" in warning
+    assert cli.main("view swing.yaml --picture a.svg".split()) == 0
+    assert capsys.readouterr().err.splitlines() == [warning]
+
+
 def test_what_does_not_fit_the_model_is_one_line(capsys):
     pytest.importorskip("viser")
     Path("other.yaml").write_text(MODEL.replace("swing", "other").replace("rod:", "bar:").replace("q: {rod", "q: {bar"))
