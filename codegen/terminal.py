@@ -16,49 +16,22 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, ParamSpec, TextIO, TypeVar
 
+from .runtime.standalone.files.watched import can_move, is_terminal, is_watched
+
 PATIENCE = 2.0
 """Seconds after which a terminal shows the status line."""
 FRAMES = "|/-\\"
 BAR = 24
 """Number of characters of the progress bar."""
 STYLES = {"bold": 1, "warning": 33}
-SILENT = ("0", "off", "no")
-"""Values of ``ORDERNM_PROGRESS`` that switch progress off."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def is_terminal(stream: TextIO | Any) -> bool:
-    """Whether the stream is a terminal."""
-    try:
-        return bool(stream.isatty())
-    except (AttributeError, ValueError):  # the stream has been replaced or closed
-        return False
-
-
-def can_move(stream: TextIO | Any) -> bool:
-    """Whether a line can be erased on the stream."""
-    return (
-        is_terminal(stream) and os.environ.get("TERM", "dumb") not in ("dumb", "unknown") and not os.environ.get("CI")
-    )
-
-
 def can_colour(stream: TextIO | Any) -> bool:
     """Whether the stream shows colours, unless ``NO_COLOR`` forbids them."""
     return can_move(stream) and not os.environ.get("NO_COLOR")
-
-
-def in_notebook() -> bool:
-    """Whether the program runs in a notebook."""
-    return "ipykernel" in sys.modules
-
-
-def is_watched(stream: TextIO | Any) -> bool:
-    """Whether a person sees progress: on a terminal whose lines can be erased, or in a notebook, unless it is switched off."""
-    if os.environ.get("ORDERNM_PROGRESS", "").lower() in SILENT:
-        return False
-    return can_move(stream) or in_notebook()
 
 
 def width(stream: TextIO | Any) -> int | None:
@@ -218,6 +191,15 @@ def shown() -> Iterator[StatusLine | None]:
             yield status
     finally:
         _shown.release()
+
+
+@contextlib.contextmanager
+def working(stage: str) -> Iterator[None]:
+    """Shows the work of a call from Python, of which no steps are known; also a decorator."""
+    with shown() as status:
+        if status is not None:
+            status(stage, 0, 0)
+        yield
 
 
 def with_status(what: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:

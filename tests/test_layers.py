@@ -19,7 +19,7 @@ FLOORS = {
     "deferred": set(),  # names that are imported when first asked for
     "records": set(),  # data classes
     "html_tables": set(),  # results in notebooks
-    "terminal": set(),  # progress, colours, line width
+    "terminal": {"runtime"},  # progress, colours, line width
     "elementary": set(),  # the elementary functions
     "jumps": {"elementary"},  # of functions of time
     "model": {"elementary", "html_tables", "jumps", "version"},

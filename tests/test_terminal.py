@@ -356,6 +356,10 @@ def slowly(self, stage, step, steps, call=terminal.StatusLine.__call__):
     time.sleep(0.3 if (stage, step) in (("expanding", 2), ("measuring cases", 2)) else 0.0)
 
 terminal.StatusLine.__call__ = slowly
+@terminal.working("fitting")
+def fit():
+    time.sleep(0.3)
+fit()
 model = ordernm.load_model(sys.argv[1])
 ordernm.generate(model, "made", target="numpy")
 solver = ordernm.load("made", target="numpy")
@@ -385,7 +389,7 @@ def calls_on_a_terminal(cwd, **more):
 
 def test_calls_from_python_show_their_progress_on_terminals_only(tmp_path):
     seen = calls_on_a_terminal(tmp_path)
-    assert "expanding, 2 of" in seen and "measuring cases, 2 of 3" in seen
+    assert "fitting (0 s)" in seen and "expanding, 2 of" in seen and "measuring cases, 2 of 3" in seen
     assert seen.rstrip().endswith("\x1b[2K") or "\x1b[2K" in seen[-40:]  # erased at the end
     for more in ({"ORDERNM_PROGRESS": "off"}, {"CI": "1"}, {"TERM": "dumb"}):
         assert calls_on_a_terminal(tmp_path, **more) == ""

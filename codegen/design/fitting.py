@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
+from ..terminal import working
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
 from .fit_result import Fit
@@ -59,6 +60,7 @@ class _Problem:
         return self._found
 
 
+@working("fitting")
 def fit(
     solver: Any, times: ArrayLike | None = None, samples: Mapping[str, ArrayLike] | None = None, variables: Wanted = (), *,
     sigma: float | Mapping[str, ArrayLike] | None = None, q: Numbers = None, u: Numbers = None, p: Numbers = None,

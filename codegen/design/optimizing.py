@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
+from ..terminal import working
 from .load_cases import LoadCases
 from .objective import Objective
 
@@ -90,10 +92,13 @@ def optimize(
         raise ValueError("method 'L-BFGS-B' does not take constraints; use 'SLSQP' or 'trust-constr'")
     start = _start(objective, method, x0)
     judged = _SteppingBack(objective, start)
-    result = minimize(
-        judged, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
-        callback=callback, options=options,
-    )  # fmt: skip
+    # a callback or SciPy may print, which a status line would disturb
+    prints = callback is not None or any(options.get(word) for word in ("disp", "iprint", "verbose"))
+    with contextlib.nullcontext() if prints else working("optimizing"):
+        result = minimize(
+            judged, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
+            callback=callback, options=options,
+        )  # fmt: skip
     result.outcome = objective.result(result.x)
     if not result.success and any(word in str(result.message) for word in STUCK):
         result.message = (

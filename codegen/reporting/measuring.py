@@ -20,6 +20,7 @@ from ..model import Model, load_model
 from ..runtime import load
 from ..runtime.standalone.files.build import Build, build_apart, builds, first_build
 from ..runtime.standalone.files.manifest import read_manifest
+from ..terminal import with_status
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes
 from .skipped import Skipped
@@ -50,6 +51,7 @@ class Request:
     reference: float = 6.0
 
 
+@with_status()
 def report(
     model: Model | str | Path, folder: str | Path = "report", *, request: Request | None = None,
     progress: Progress = lambda stage, done, of: None, force: bool = False,

@@ -68,10 +68,15 @@ def test_a_motion_does_not_count_what_it_waits_for(fresh):
     assert "compiling" not in solver.simulate(0.1).stats
 
 
-@pytest.mark.parametrize("watched", [True, False])
-def test_who_looks_is_told_what_takes_time(monkeypatch, capsys, watched):
+@pytest.mark.parametrize(
+    ("terminal", "progress", "watched"), [(True, "", True), (False, "", False), (True, "off", False)]
+)
+def test_who_looks_is_told_what_takes_time(monkeypatch, capsys, terminal, progress, watched):
+    monkeypatch.setenv("ORDERNM_PROGRESS", progress)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("CI", raising=False)
     monkeypatch.setattr(compiling, "PATIENCE", 0.01)
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
     with compiling.waiting("arm (motion)"):
         time.sleep(0.2)
     with compiling.waiting("quick"):

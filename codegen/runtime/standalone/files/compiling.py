@@ -8,6 +8,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from .watched import is_watched
+
 PATIENCE = 1.0
 """Waiting time before the report, s."""
 
@@ -28,14 +30,6 @@ def _say(what: str) -> None:
     print(f"compiling {what}; the library is kept for later calls", file=sys.stderr, flush=True)
 
 
-def _is_watched() -> bool:
-    """Whether standard error is a terminal or the cell of a notebook."""
-    try:
-        return "ipykernel" in sys.modules or bool(sys.stderr.isatty())
-    except (AttributeError, ValueError):  # standard error may be replaced, missing or closed
-        return False
-
-
 _say_to: Callable[[str], None] | None = _say
 
 
@@ -53,7 +47,7 @@ def silent() -> Iterator[None]:
 @contextlib.contextmanager
 def waiting(what: str) -> Iterator[None]:
     """Context in which `what` is compiled."""
-    timer = threading.Timer(PATIENCE, _say_to, [what]) if _say_to is not None and _is_watched() else None
+    timer = threading.Timer(PATIENCE, _say_to, [what]) if _say_to is not None and is_watched(sys.stderr) else None
     began = time.perf_counter()
     if timer is not None:
         timer.daemon = True
