@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,25 @@ from rotor_models import with_rotors
 
 import codegen
 from codegen.mechanics.procedures import UnknownFunctionError
-from codegen.model import Model
+from codegen.model import Model, parse_model
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FUNCTIONS = "accelerations,gradients,hessian_products"
 DIGITS, STEP = 40, 1e-12
 """Central differences with this step have an error of about 1e-24, plus 1e-28 of rounding."""
+
+
+def test_a_result_that_is_not_finite_has_the_name_of_the_method(tmp_path: Path) -> None:
+    rod = {"joint": {"type": "revolute", "axis": "y"}, "parent": "ground",
+           "shape": {"type": "rod", "axis": "z", "length": 1, "mass": 1}}  # fmt: skip
+    odd = {
+        "model": "odd",
+        "bodies": {"rod": rod},
+        "forces": {"drive": {"type": "joint", "joint": "rod", "value": "-sqrt(q.rod)"}},
+    }
+    model = parse_model(json.dumps(odd), "odd.yaml")
+    with pytest.warns(RuntimeWarning, match="odd: q of hessian_products is not finite"):
+        made(model, tmp_path).hessian_products([0.0], [0.0], weights=[1.0], dq=[1.0])
 
 
 def made(model: Any, folder: Path, target: str = "numpy") -> codegen.Solver:
