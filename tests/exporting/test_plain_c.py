@@ -213,18 +213,33 @@ def test_painted_stacks_are_as_deep_as_reported(name, tmp_path):
         assert reported[row] - 64 <= measured <= reported[row] + OF_THE_LIBRARY, (row, measured, reported[row])
 
 
-JUSTIFIED = {"2.2", "8.14", "10.4", "11.3", "11.8", "14.4", "15.6", "20.7"}
+JUSTIFIED = {
+    "2.2",
+    "8.4",
+    "8.14",
+    "9.3",
+    "10.1",
+    "10.3",
+    "10.4",
+    "10.7",
+    "11.3",
+    "11.8",
+    "11.9",
+    "14.4",
+    "15.6",
+    "20.7",
+}
 """Required rules of MISRA C:2012 from which the code deviates; docs/howto/export.md gives the reasons."""
 
 ADVISORY = {
-    "2.3", "2.4", "2.5", "8.7", "8.9", "8.13", "10.5", "11.4", "12.1", "12.3", "15.4", "15.5", "17.8", "18.4", "19.2", "20.1",
-    "20.5", "20.10",
+    "2.3", "2.4", "2.5", "8.7", "8.9", "8.13", "10.5", "11.4", "12.1", "12.3", "13.3", "15.4", "15.5", "17.8", "18.4", "19.2",
+    "20.1", "20.5", "20.10",
 }  # fmt: skip
 """Rules that MISRA C:2012 calls advisory."""
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("name", ["four_bar", "arm"])
+@pytest.mark.parametrize("name", ["four_bar", "arm", "shaken_pendulum", "flyball"])
 def test_misra_rules_are_kept_or_their_deviation_is_justified(name, tmp_path):
     checker = shutil.which("cppcheck") or pytest.skip("needs cppcheck")
     codegen.export_c(EXAMPLES / f"{name}.yaml", tmp_path / "c")
@@ -233,4 +248,5 @@ def test_misra_rules_are_kept_or_their_deviation_is_justified(name, tmp_path):
     found = set(re.findall(r"misra-c2012-([\d.]+)", done.stderr + done.stdout))
     assert found and found - JUSTIFIED - ADVISORY == set()
     page = (EXAMPLES.parent / "docs" / "howto" / "export.md").read_text()
-    assert {rule for rule in found & JUSTIFIED if f"| {rule} |" not in page} == set()
+    explained = {rule for row in re.findall(r"^\| ([\d., ]+) \|", page, re.MULTILINE) for rule in row.split(", ")}
+    assert found & JUSTIFIED <= explained
