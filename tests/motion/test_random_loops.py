@@ -144,6 +144,11 @@ def test_a_layer_in_a_loop_that_is_always_poor(tmp_path: Path) -> None:
     assert (np.abs(found - exact) / (1.0 + np.abs(exact))).max() < CLOSE["radau"]
 
 
+def test_a_switch_that_is_zero_together_with_another(tmp_path: Path) -> None:
+    """Rounding had left its function beyond zero where `mod` begins again, and its jump of derivatives was lost in silence."""
+    assert not compare(140, "jumps", tmp_path)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("family", list(FAMILIES))
 @pytest.mark.parametrize("seed", range(101, 141))

@@ -126,27 +126,43 @@ int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
+/* Whether a switching function is zero but for rounding, and its rate. Returns the status of a function. */
+static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scalar *speed, int *at_zero)
+{
+    const int status = ordernm_switch_speed(m, t, z, m->rate[0], k, speed);
+    *at_zero = fabs(m->switches[k]) <= AT_ZERO*(m->problem->end - m->problem->start)*fabs(*speed);
+    return status;
+}
+
 /* A switch without a mode, whose function leaves zero where another switch changes its mode, as max(0, x) > 0 does with x > 0. It takes
  * the mode of the sign that the function takes. Returns the status of a function. */
 static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar speed;
+    int at_zero;
     if (m->modes[k] != 0.0 || m->let_go[k] != 0.0 || m->system->switch_kind[k] > ORDERNM_ROOT) return 0;
-    const int status = ordernm_switch_speed(m, t, z, m->rate[0], k, &speed);
-    const int at_zero = fabs(m->switches[k]) <= AT_ZERO*(m->problem->end - m->problem->start)*fabs(speed);
+    const int status = is_at_zero(m, t, z, k, &speed, &at_zero);
     if (!status && at_zero) m->modes[k] = sign_of(speed);
     return status;
 }
 
-/* Sets the mode of each switch that is not crossed to the sign of its function, unless this sign is unknown. */
+/* Sets the mode of each switch that is not crossed to the sign of its function, unless this sign is unknown. A function that is zero at the
+ * same time as those of the crossed switches keeps its mode: the next step passes it, with its jump of derivatives. */
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
     int status = ordernm_switching(m, t, z);
     for (int i = 0; i < m->nheld && !status; ++i) {
         const int k = m->held[i];
         if (crossed && crossed[k] != 0.0) continue;
-        if (ordernm_side(m, k) < 0.0) m->modes[k] = ordernm_other_mode(m, k);
-        else status = leave_zero(m, t, z, k);
+        if (ordernm_side(m, k) < 0.0) {
+            const scalar other = ordernm_other_mode(m, k);
+            scalar speed;
+            int at_zero = 0;
+            if (crossed && m->system->switch_kind[k] <= ORDERNM_ROOT) status = is_at_zero(m, t, z, k, &speed, &at_zero);
+            if (!at_zero) m->modes[k] = other;
+        } else {
+            status = leave_zero(m, t, z, k);
+        }
     }
     return status;
 }
