@@ -13,11 +13,9 @@ this tangent from which ``d(M z)`` follows. See `codegen.program.second_order`.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from ..model.model import GROUND
 from ..program import algebra
 from ..program.algebra import Expr, Symbol
 from ..program.block import Block, Component, Expansion
@@ -81,7 +79,6 @@ from .stores import (
 )
 from .structure.element_kinds import ElementKind
 from .structure.kinds import LinkKind, UnitKind
-from .structure.owners import owner_links
 from .structure.system import System
 from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, mass_name
 
@@ -226,30 +223,7 @@ class SecondOrder:
                 found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or a is DUDOT_BAR)
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: a is not DUDOT_BAR)
-        for memory in (ADJOINT, ADJOINT_LANE, MASS_LANE):
-            self._assign(found, memory)
         return found
-
-    def _assign(self, found: dict[str, dict[int, Block]], memory: Memory) -> None:
-        """Assign components to which every link gets one contribution; the memory of others begins with zeros."""
-        given: dict[str, Counter[int]] = {}
-        read: dict[str, set[int]] = {n: {GROUND} for _, _, n in read_outside(self.system)}
-        of = [(s, k, b) for s in found for k in SWEEP[s].kinds(self.system) if (b := found[s].get(k.index))]
-        for s, kind, block in of:
-            for store, name, _ in block.stores:
-                if store.memory is memory:
-                    links = owner_links(self.system, kind, store.plain, SWEEP[s].units)
-                    given.setdefault(name, Counter()).update(i for i in links if i != GROUND)
-            for store, name in block.loads.values():
-                if store.memory is memory:
-                    read.setdefault(name, set()).update(owner_links(self.system, kind, store, SWEEP[s].units))
-        single = {
-            n
-            for n, times in given.items()
-            if max(times.values(), default=0) == 1 and times.keys() >= read.get(n, set())
-        }
-        for _, _, block in of:
-            block.stores = [(a.plain if a.memory is memory and n in single else a, n, e) for a, n, e in block.stores]
 
     def _kinds(self, sweep: Sweep) -> list[UnitKind]:
         return [k for k in sweep.kinds(self.system) if k.index in self.originals[sweep.name]]

@@ -100,19 +100,14 @@ class CPrepared(CMemory):
         return [
             f"for (long i = 0; i < {n}L; ++i) (({self.scalar.word} *)a->{name})[i] = {in_all(self.zero)};"
             for name, _, n in self.regions()
-            if name == "adjoints" and self.adds_to(name)
+            if name == "adjoints"
         ]
-
-    def adds_to(self, region: str) -> bool:
-        """Whether a sweep adds to memory of a region."""
-        blocks = [b for of in self.blocks.values() for b in of.values()]
-        return any(store.adds and store.memory.region == region for b in blocks for store, _, _ in b.stores)
 
     def no_tangents(self) -> list[str]:
         """Lines that set the tangents of adjoints to zero, and the tangents of the ground's values."""
         lines = []
         for name, _, n in self.regions():
-            if name in TWICE and (name == "tangents" or self.adds_to(name)):
+            if name in TWICE:
                 first = n - n // self.layout.rows[name] if name == "tangents" else 0
                 lines.append(f"for (long i = {first}L; i < {n}L; ++i) ((LANES *)a->{name})[i] = NOTHING;")
         return lines
