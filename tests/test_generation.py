@@ -112,13 +112,18 @@ def modules(place: Path) -> set[str]:
     return {p.relative_to(place).with_suffix("").as_posix() for p in place.rglob("*.py")}
 
 
+SHARED = {"elementary", "jumps", "html_tables"}
+"""Modules of `codegen` that packages contain, too."""
+
+
 def test_the_run_time_is_copied_as_it_is(written):
     """But for where it finds what it shares with the rest of ordernm."""
     own = Path(codegen.__file__).parent / "runtime" / "standalone"
     for name in carried(written) - {"solver"}:  # which has its sections only
         file = next(x for x in (own / f"{name}.py", own.parents[1] / f"{name}.py") if x.is_file())
-        text = file.read_text().replace("\nfrom ....elementary import", "\nfrom ..elementary import")
-        text = text.replace("\nfrom ....jumps import", "\nfrom ..jumps import")
+        text = file.read_text()
+        for shared in SHARED:
+            text = text.replace(f"\nfrom ....{shared} import", f"\nfrom ..{shared} import")
         assert (written / "_runtime" / f"{name}.py").read_text() == text
     listed = json.loads((written / "model.json").read_text())["files"]
     texts = {f"_runtime/{n}.py" for n in carried(written)}
@@ -158,6 +163,7 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
         "assembly/redundancy",
         "state/frames",
         "state/frame_motion",
+        "state/hessians",
         "motion/kinks",
         "motion/prescribed_branches",
         "trust/single_precision",
@@ -174,7 +180,7 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
         (parse_model(TEXT), {}, set()), (parse_model(TEXT), {"reactions": True}, {reactions}),
     ):  # fmt: skip
         generate(model, folder, compile=False, **options)
-        assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything | {"elementary", "jumps"}
+        assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything | SHARED
 
 
 def test_every_file_of_the_run_time_is_imported_by_what_carries_it(written):

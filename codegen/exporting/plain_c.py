@@ -21,6 +21,9 @@ from ..runtime.standalone.errors import NoCompilerError
 from ..version import __version__
 from .sizes import Build, Size, measured
 
+CLOSING = "\n`example.c` closes loops by at most 30 rounds of `closure` and `newton_step`."
+"""A line of the README for models with loops."""
+
 COLUMNS = ("additions", "multiplications", "divisions", "functions")
 
 
@@ -171,8 +174,7 @@ def _texts(
     context = {
         "name": model.name, "NAME": model.name.upper(), "version": __version__, "scalar": of.words,
         "numbers": manifest["workspace"], "workspace": of.bytes * manifest["workspace"], "report": table(rows),
-        "compiler": build.compiler if build else "", "library": ", ".join(build.library) if build else "",
-        "loops": bool(model.loops), **package_context(model, manifest),
+        "measured": _how_measured(build), "closing": CLOSING if model.loops else "", **package_context(model, manifest),
     }  # fmt: skip
     return {
         f"{model.name}_model.h": render("package/model.h.jinja", context),
@@ -180,6 +182,17 @@ def _texts(
         "CMakeLists.txt": render("export/CMakeLists.txt.jinja", context),
         "README.md": render("export/README.md.jinja", context),
     }
+
+
+def _how_measured(build: Build | None) -> str:
+    """Which build the sizes of a report are of."""
+    if build is None:
+        return "There was no C compiler to measure code and stack."
+    library = ", ".join(build.library) or "none"
+    return (
+        f"Code and stack are those of `{build.compiler}`.\nThey include all called functions except those of the C library: "
+        f"{library}."
+    )
 
 
 def table(rows: Sequence[Row]) -> list[str]:

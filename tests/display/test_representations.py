@@ -106,6 +106,7 @@ def results(solver, tmp_path_factory):
         "Judged": solver.judge(0.5, Final("x"), wrt=["length", "weight"]),
         "Diagnosis": solver.diagnose(q, u),
         "Ode": solver.ode(),
+        "ExportedC": ordernm.export_c(model, folder / "c", functions="accelerations"),
         "Trajectory": run,
         "Crossing": run.events[0],
         "Objective": objective,
@@ -124,8 +125,8 @@ ARM = """<robot name="arm"><link name="base"/><link name="arm">
   <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
     <limit effort="1" velocity="1"/></joint></robot>"""
 
-TEXT_ONLY = {"ModelBuilder", "Ode", "Variable", "optimum"}
-"""Objects without HTML: three of one line, and SciPy's."""
+TEXT_ONLY = {"ExportedC", "ModelBuilder", "Ode", "Variable", "optimum"}
+"""Objects without HTML: three of one line, a table in text, and SciPy's."""
 
 
 def test_each_has_a_short_text_and_readable_html(results):
