@@ -103,6 +103,32 @@ def test_jacobians_of_mechanisms_are_slopes_along_closed_states(numpy_solver):
             assert np.abs(column - wanted).max() < 1e-7 * max(1.0, np.abs(wanted).max())
 
 
+DRIVEN_LOOP = """
+model: driven_loop
+gravity: [0, 0, -9.81]
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: -y}, mass: 1, com: [0.2, 0, 0], inertia: {yy: 0.1}}
+  b: {parent: a, joint: {type: revolute, axis: -y, at: [0.4, 0, 0]}, mass: 1, com: [0.6, 0, 0], inertia: {yy: 0.1}}
+  c: {parent: b, joint: {type: revolute, axis: -y, at: [1.2, 0, 0]}, mass: 1, com: [0.4, 0, 0], inertia: {yy: 0.1}}
+loops:
+  bearing: {joint: {type: revolute, axis: -y}, from: {body: c, at: [0.9, 0, 0]}, to: {body: ground, at: [1.1, 0, 0]}}
+motion: {a: 0.8 + 2*t}
+initial: {q: {b: -0.4, c: -1.9}}
+"""
+
+
+def test_a_wholly_prescribed_mechanism_has_the_state_of_its_time(tmp_path):
+    """It has no independent entries; computing its state ended in an error of NumPy."""
+    solver = made(DRIVEN_LOOP, tmp_path / "loop", check=False)
+    ode, times = solver.ode(), np.linspace(0.0, 3.0, 31)
+    assert ode.names == () and ode(0.5, np.zeros(0)).shape == (0,)
+    run = solver.simulate(times)
+    q, u = ode.state(times, np.zeros((0, len(times))))
+    assert q == pytest.approx(run.q, abs=1e-9) and u == pytest.approx(run.u, abs=1e-9)
+    for i in range(len(times)):
+        assert ode.state(times[i], np.zeros(0))[0] == pytest.approx(run.q[i], abs=1e-9)
+
+
 def test_what_does_not_fit_is_refused(tmp_path):
     solver = made(codegen.load_model(EXAMPLES / "four_bar.yaml"), tmp_path / "four_bar", check=False, target="numpy")
     ode = solver.ode()

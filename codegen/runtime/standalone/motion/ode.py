@@ -186,11 +186,11 @@ class Ode:
         inputs, own = self._inputs(t), y[: len(self._q)].T
         q = np.empty((*own.shape[:-1], self._package.nq))
         u = np.zeros((*own.shape[:-1], self._package.nu))
-        if self._follows and len(own):
-            first = own.reshape(-1, len(self._q))[0]
+        if self._follows and q.size:
+            first = own if own.ndim == 1 else own[0]
             q[...] = min(self._known, key=lambda known: float(np.abs(known[self._q] - first).max(initial=0.0)))
         q, u[..., self._u] = self._whole(y, q), y[len(self._q) :].T
-        if self._follows and len(own):
+        if self._follows and q.size:
             q, u = self._states.assemble(q, u, self._p, inputs, t, True if own.ndim > 1 else None)
             self._known = self._known[0], q.reshape(-1, self._package.nq)[-1].copy()
         return Closed(q, u, self._p, inputs, t)
