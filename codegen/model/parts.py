@@ -24,7 +24,7 @@ from .trees import mapped, parts
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
-"""Largest number of uses of files in a model; so many files are read within seconds."""
+"""Largest number of uses of files in a model; these are read within seconds."""
 
 
 @dataclass(slots=True)

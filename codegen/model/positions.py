@@ -20,7 +20,7 @@ from .file_bytes import read_bytes
 
 MAX_BYTES: Final = 8 * 2**20
 MAX_VALUES: Final = 1_000_000
-"""Largest number of values in a file; so many values are read within seconds."""
+"""Largest number of values in a file; these are read within seconds."""
 MAX_DEPTH: Final = 60
 MAX_NOTES: Final = 200
 ALIAS_ALLOWANCE: Final = 100_000

@@ -15,7 +15,7 @@ MAX_ERRORS: Final = 10_000
 
 
 class TooManyProblems(Exception):
-    """Raised when so many errors have been collected that reading stops."""
+    """Raised when reading stops because the largest number of errors has been collected."""
 
 
 class Problems:

@@ -20,7 +20,7 @@ from .parts import Instance, Part
 from .positions import Path_, shortened, show_path
 
 MAX_REPETITIONS: Final = 400_000
-"""Largest number of repeated entries of a model; so many entries are read within seconds."""
+"""Largest number of repeated entries of a model; these are read within seconds."""
 
 _HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
 _LABEL = re.compile(r"[A-Za-z0-9_]+")
