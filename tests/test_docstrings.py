@@ -39,6 +39,7 @@ FUNCTIONS = [
         "runtime.loading": "load load_trajectory",
         "runtime.standalone.solver": "Solver", "runtime.standalone.calls.package": "Package",
         "runtime.standalone.trajectory.trajectory": "Trajectory", "runtime.standalone.trajectory.events": "Event Crossing",
+        "runtime.standalone.motion.controllers": "Sample",
         "runtime.standalone.motion.functionals": "Final At Integral AtEvent LeastSquares Judged",
         "runtime.standalone.motion.ode": "Ode",
         "runtime.standalone.state.derivatives": "Jacobians Gradients HessianProducts",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .standalone.errors import SingularLoopError as SingularLoopError
     from .standalone.errors import SingularOutputError as SingularOutputError
     from .standalone.errors import TargetsDifferError as TargetsDifferError
+    from .standalone.motion.controllers import Sample as Sample
     from .standalone.motion.functionals import At as At
     from .standalone.motion.functionals import AtEvent as AtEvent
     from .standalone.motion.functionals import Final as Final
@@ -40,6 +41,7 @@ _NAMES = {
     "standalone.errors": ("AssemblyError", "CompileError", "EquilibriumError", "NoCompilerError", "PackageError",
         "SimulationError", "SingularForceError", "SingularJointError", "SingularLoopError", "SingularOutputError",
         "TargetsDifferError"),
+    "standalone.motion.controllers": ("Sample",),
     "standalone.motion.functionals": ("At", "AtEvent", "Final", "Integral", "LeastSquares"),
     "standalone.motion.ode": ("Ode",),
     "standalone.state.derivatives": ("Jacobians",),

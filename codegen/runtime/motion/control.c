@@ -41,7 +41,8 @@ static int begin(ordernm_motion *m)
     if (ordernm_settle(m, m->t, m->z) < 0) return ordernm_failed(m->results, -1);
     ordernm_note_condition(m, 0, 0);
     ordernm_note_best(m);
-    int status = m->nheld ? ordernm_choose_modes(m, m->t, m->z) : 0;
+    int status = ordernm_reach_knot(m);
+    if (!status && m->nheld) status = ordernm_choose_modes(m, m->t, m->z);
     if (!status) status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (!status && m->flowing) status = ordernm_begin_flow(m);
     ordernm_note_precise(m, 0);
@@ -272,7 +273,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
     if (!failure && p->nevents && m->switched) failure = ordernm_compare_events(m);
     if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);
     if (!failure && m->nheld) failure = ordernm_limit_turns(m);
-    if (failure == SLIDES && !p->ntimes) ordernm_keep(m, m->t, m->z);
+    if ((failure == SLIDES || failure == REFUSED) && !p->ntimes) ordernm_keep(m, m->t, m->z);
     if (failure) return ordernm_failed(r, failure);
     r->next_step = m->h;
     return m->problem->ntimes ? ORDERNM_ENDED : ordernm_keep(m, m->t, m->z);

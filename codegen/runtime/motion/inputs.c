@@ -9,11 +9,21 @@ scalar ordernm_next_knot(const ordernm_motion *m, scalar t)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     if (!in->knots) return INFINITY;
-    const long n = in->count + in->degree + 1;
     const scalar least = t + 1e-12*(fabs(t) + 1e-3);
-    for (long i = 0; i < n; ++i)
-        if (in->knots[i] > least) return in->knots[i];
-    return INFINITY;
+    long low = 0, high = in->count + in->degree + 1;
+    while (low < high) {
+        const long at = (low + high)/2;
+        if (in->knots[at] > least) high = at;
+        else low = at + 1;
+    }
+    return low < in->count + in->degree + 1 ? in->knots[low] : INFINITY;
+}
+
+/* Calls the problem's function at a knot of the inputs. Returns 0, or REFUSED. */
+int ordernm_reach_knot(ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    return p->at_knot && p->at_knot(p->context, m, m->t) ? REFUSED : 0;
 }
 
 /* The piece of the spline that contains a step; count after the last knot, degree - 1 before the first. */

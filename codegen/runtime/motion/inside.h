@@ -238,7 +238,8 @@ static const scalar AT_THE_SAME_TIME = 1e-9;
 /* Relative difference of derivatives, in units of their jumps, above which they depend on the order of simultaneous switches. */
 static const scalar ORDER_MATTERS = 1e-6;
 
-enum { SLIDES = -1000 };      /* in addition to the status of functions: rates on both sides push back to a switch */
+enum { SLIDES = -1000, REFUSED = -1001 }; /* in addition to the status of functions: rates on both sides push back to a switch; at_knot has
+                                             ended the motion */
 
 /* sums.c */
 void ordernm_combine(long n, scalar *out, const scalar *z, scalar h, int count, const int *which, const scalar *factor,
@@ -256,6 +257,7 @@ enum { ORDERNM_ORDERS = 3 };  /* time derivatives of inputs, orders 0 to 2: the 
 static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h);
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t);
+int ordernm_reach_knot(ordernm_motion *m);
 long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
 int ordernm_signal_of(const ordernm_system *s, int input, int *order);
 void ordernm_input_rates(ordernm_motion *m, scalar t, scalar *rates);

@@ -119,6 +119,8 @@ typedef struct {
     int stop;                 /* the motion ends at the event */
 } ordernm_event;
 
+typedef struct ordernm_motion ordernm_motion;
+
 typedef struct {
     const ordernm_system *system;
     int method;
@@ -144,6 +146,11 @@ typedef struct {
     const int *integrals;     /* outputs to integrate over time */
     int nevents;
     const ordernm_event *events;
+    /* For sampled controllers: called at the start and at each knot of the inputs that a step has reached; 0 for none. It may read the
+     * state with ordernm_row, and set values and directions of the inputs from this knot on. If it does not return 0, the motion ends with
+     * ORDERNM_REFUSED. */
+    int (*at_knot)(void *context, ordernm_motion *motion, ordernm_scalar t);
+    void *context;
 } ordernm_problem;
 
 /* ---- Results. ---- */
@@ -154,7 +161,8 @@ enum {
     ORDERNM_UNDETERMINED, /* small errors of independent speeds become large errors of dependent speeds, for example at a dead point */
     ORDERNM_SLIDING,     /* rates on both sides of a switch drive the motion back to it: see component */
     ORDERNM_ACCUMULATED, /* switches occur faster and faster: see component */
-    ORDERNM_APART        /* a dropped condition, see component, would exceed its largest residual */
+    ORDERNM_APART,       /* a dropped condition, see component, would exceed its largest residual */
+    ORDERNM_REFUSED      /* at_knot has ended the motion */
 };
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
@@ -216,8 +224,6 @@ enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 
-typedef struct ordernm_motion ordernm_motion;
-
 /* Number of doubles of memory for a motion. */
 long ordernm_room(const ordernm_problem *problem);
 
@@ -229,7 +235,7 @@ long ordernm_step_size(const ordernm_problem *problem);
 long ordernm_head_size(const ordernm_problem *problem);
 long ordernm_known_size(const ordernm_problem *problem);
 
-/* Starts a motion; the problem and all its arrays must remain unchanged. */
+/* Starts a motion; the problem and all its arrays must remain unchanged, except by its at_knot. */
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, ordernm_scalar *room);
 
 /* Continues: to the end, for about the given number of seconds (0 for any time), or until results are full. After ORDERNM_FULL, provide

@@ -8,6 +8,7 @@
 int ordernm_failed(ordernm_results *r, int status)
 {
     if (status == SLIDES) return ORDERNM_SLIDING;
+    if (status == REFUSED) return ORDERNM_REFUSED;
     r->singular = status;
     return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
 }

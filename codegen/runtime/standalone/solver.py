@@ -21,6 +21,7 @@ from .assembly.states import States
 from .calls.package import Composed, Package
 from .display.viewer import Viewer
 from .display.views import Views
+from .motion.controllers import take_controller
 from .motion.functional_gradients import MEMORY, FunctionalGradients
 from .motion.functionals import Functional, Judged
 from .motion.ode import Ode
@@ -1925,8 +1926,8 @@ class Solver(Package):
         self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
         sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = RTOL,
         atol: Any = ATOL, atol_sensitivities: Any = None, method: str = METHOD, step: float | None = None,
-        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
-        on_failure: str = "raise",
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), controller: Any = None,
+        period: float | None = None, progress: Progress | None = None, on_failure: str = "raise",
     ) -> Trajectory:  # fmt: skip
         """Integrate the motion and its sensitivities over time (Eqs. 2, 3), in compiled code.
 
@@ -1966,6 +1967,12 @@ class Solver(Package):
             Maximum number of steps.
         events : sequence of Event or str, optional
             Outputs that cross a level; for a name alone, zero. The motion ends at the first event with `stop`.
+        controller : callable or pair of callable, optional
+            A function of a `Sample`, called at the start and then every `period`; alone, or with its Jacobian. It returns
+            the inputs until the next sample, as an array or by name: all signals that `inputs` does not contain. See
+            Notes.
+        period : float, optional
+            Time between two samples of the controller, s.
         progress : callable, optional
             Called as ``progress(time, end)`` about ten times a second. A KeyboardInterrupt in it ends the motion there.
         on_failure : {"raise", "return"}, optional
@@ -1993,6 +2000,12 @@ class Solver(Package):
         time, signals are constant. A signal that prescribed motion reads needs a continuous velocity; its rate and
         acceleration are those of the spline.
 
+        The Jacobian of a controller is a function of the same `Sample`. It returns the derivatives of the controller's
+        inputs by "q", "u", "outputs", "p" and the previous "inputs", as a mapping of matrices, in which zeros may be left
+        out. A controller with a memory of its own returns derivatives along the directions instead, (k, n), from
+        `Sample.dq` and the others. Without a Jacobian, derivatives keep the controller's values fixed, with a warning. An
+        exception in the controller ends the motion and is raised again.
+
         Examples
         --------
         >>> run = solver.simulate(2.0, sensitivities=("length_1", "q0.upper"))
@@ -2007,8 +2020,9 @@ class Solver(Package):
         # long: the docstring describes every argument
         settings = Settings(method, rtol, atol, step, largest_step, most_steps, atol_sensitivities)
         return self._motions.simulate(
-            t, Start(q, u, p, inputs, sensitivities, dq0, du0), settings, events, progress, on_failure
-        )
+            t, Start(q, u, p, inputs, sensitivities, dq0, du0, take_controller(controller, period)), settings, events,
+            progress, on_failure,
+        )  # fmt: skip
 
     def judge(
         self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,

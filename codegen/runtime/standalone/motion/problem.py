@@ -9,12 +9,13 @@ import numpy as np
 
 from ..arrays import Array
 from ..calls.targets import Opened
+from .controllers import Sampling
 from .inputs import Inputs
 from .settings import METHODS
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
-    "imprecise", "poor", "undetermined", "sliding", "accumulated", "apart",
+    "imprecise", "poor", "undetermined", "sliding", "accumulated", "apart", "refused",
 )  # fmt: skip
 """Reasons for the end of a motion, in the order of the constants in ``motion.h``."""
 
@@ -43,6 +44,8 @@ class Problem:
     integrals : tuple of int
         Outputs that are integrated over time.
     events : tuple of (output, level, direction, stop)
+    sampling : Sampling or None
+        The controller that sets inputs during the motion.
     kink : str
         Why the motion ends at a kink of prescribed motion; empty without a kink.
     """
@@ -70,6 +73,7 @@ class Problem:
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
     fixed: bool = False
+    sampling: Sampling | None = None
     kink: str = ""
     kept: list[Any] = field(default_factory=list)
 

@@ -134,6 +134,8 @@ class Reasons(MotionRun):
                     f"the motion ends {at}: {switch_words(manifest, run.component)} changes its branch faster and faster; "
                     f"smooth the change, as by tanh or step(x, from, to)"
                 )
+            case "refused":
+                return f"the motion ends {at}: the state that the controller samples there could not be computed"
             case _:
                 return run.reason
 

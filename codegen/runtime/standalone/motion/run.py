@@ -21,6 +21,7 @@ from ..calls.targets import Opened, partitions_of
 from ..errors import CompileError, NoCompilerError, SingularLoopError
 from ..files.compiling import seconds_waited
 from ..warning import warn
+from .controllers import Sampling
 from .library import four_lanes, motion_library, precise_functions
 from .problem import REASONS, Problem, Run, Segment
 from .results import Results
@@ -296,6 +297,8 @@ class MotionRun(Room):
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
         results = Results(library, ffi, c, problem, self.nq if self.closure_names else 0, keep_steps, memory)
+        if problem.sampling:
+            self._sample(problem, problem.sampling, library, ffi, c, results)
         r, shown, precise = results.r, time.perf_counter(), 0
         while True:
             try:
@@ -313,11 +316,40 @@ class MotionRun(Room):
                 results.grow()
             elif reason != "paused":
                 break
+        if reason == "refused" and problem.sampling and problem.sampling.failure:
+            if not isinstance(problem.sampling.failure, KeyboardInterrupt):
+                raise problem.sampling.failure
+            reason = "interrupted"
         rows = results.rows()
         # with constant steps, a stage may have a larger condition number than the state of the row
         poor = r.condition_here if reason == "poor" else None
         last = rows[:0] if reason in ("end", "event", "interrupted") else results.row_here(motion)
         return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last
+
+    def _sample(self, problem: Problem, sampling: Sampling, library: Any, ffi: Any, c: Any, results: Results) -> None:
+        """Sets the function in C that the integrator calls at knots of the inputs, and that asks the controller."""
+        k, doubles = len(problem.dp), ffi.typeof("double[]")
+        parts = (1, 2, 3)
+        none = [np.empty((0, places_in_rows(self.nq, self.nu, self.noutputs, 0)[i][1])) for i in parts]
+
+        def at_knot(_: Any, motion: Any, t: float) -> int:
+            if not sampling.is_due(t):
+                return 0
+            row = np.empty(results.size)  # the sample keeps it
+            if library.ordernm_row(motion, results.r, ffi.from_buffer(doubles, row)):
+                return 1
+            values = [self._of_rows(row, i) for i in parts]
+            derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in parts] if k else none
+            try:
+                sampling.take(t, values, derivatives)
+            except BaseException as error:
+                sampling.failure = error
+                return 1
+            return 0
+
+        callback = ffi.callback("int(void *, ordernm_motion *, ordernm_scalar)", at_knot)
+        problem.kept.append(callback)  # the C struct does not keep it alive
+        c.at_knot = callback
 
 
 @lru_cache(64)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Numbers, filled
+from .controllers import Controller
 
 METHODS = ("rk4", "dop853", "radau")
 """Integration methods, in the order of the constants of ``motion.h``."""
@@ -35,6 +36,7 @@ class Start:
     sensitivities: Sequence[str] | str
     dq0: Numbers
     du0: Numbers
+    controller: Controller | None = None
 
 
 @dataclass(slots=True)

@@ -135,11 +135,11 @@ def _by_name(
 def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
     """Rewrites several signals with common knots and degree."""
     changing = [s for s in signals if s.knots is not None]
-    finite = [t for s in changing for t in (s.knots if s.knots is not None else ()) if np.isfinite(t)]
+    last = max(float(s.knots[np.isfinite(s.knots)].max()) for s in changing if s.knots is not None)
     splines = []
     for s in changing:
         assert s.knots is not None
-        splines.append((s.degree, np.where(np.isfinite(s.knots), s.knots, max(finite) + 1.0)))
+        splines.append((s.degree, np.where(np.isfinite(s.knots), s.knots, last + 1.0)))
     if all(k == splines[0][0] and np.array_equal(t, splines[0][1]) for k, t in splines):
         degree, knots = splines[0]
     else:

@@ -20,6 +20,7 @@ from ..trajectory.events import DIRECTIONS as CROSSINGS
 from ..trajectory.events import Crossing, Event, crossing, take_events
 from ..trajectory.trajectory import FINISHED, INTERRUPTED, Trajectory
 from ..warning import warn
+from .controllers import Sampling, sampling_times, with_controlled
 from .directions import Directions, take_sensitivities
 from .flat_poses import lost_directions, what_is_lost
 from .inputs import Inputs
@@ -169,7 +170,10 @@ class Simulation(Reasons):
             raise ValueError(
                 f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; ordernm.simulate_many takes more"
             )
-        spline = take_inputs(self.signal_names, given.inputs, self.moving_inputs, (start, end))
+        inputs, at = given.inputs, sampling_times(start, end, given.controller.period) if given.controller else None
+        if at is not None:
+            inputs, controlled = with_controlled(self.signal_names, inputs, self.moving_inputs, at)
+        spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
         spline.check_moving(self.signal_names, start, end)
         end, times, kink = self._before_kinks(start, end, times, p_all, spline)
         directions = take_sensitivities(self, given.sensitivities, given.dq0, given.du0, spline)
@@ -196,6 +200,9 @@ class Simulation(Reasons):
             float(largest_step), int(settings.most_steps),
         )  # fmt: skip
         problem.kink = kink
+        if given.controller and at is not None:
+            problem.sampling = Sampling(given.controller, self.signal_names, controlled, at, spline, directions, p_all)
+            problem.dinputs = directions.dinputs
         return problem, directions
 
     def _before_kinks(
