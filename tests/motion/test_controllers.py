@@ -246,3 +246,12 @@ def test_many_samples_take_linear_time(cart: Any) -> None:
         ]
     few, many = (run.stats["evaluations"] for run in runs)
     assert many == pytest.approx(10 * few, rel=0.05)
+
+
+def test_without_the_function_of_outputs_samples_have_none(made: Callable[..., Made]) -> None:
+    solver = made(parsed, CART, functions=("state_rates",)).solver
+    seen: list[int] = []
+    solver.simulate(
+        0.1, inputs={"wind": 0.0}, controller=lambda s: float(seen.append(len(s.outputs)) or 0), period=0.05
+    )
+    assert seen == [0, 0] and solver.noutputs == 2

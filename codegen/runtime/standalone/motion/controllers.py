@@ -36,7 +36,7 @@ class Sample:
     q, u : ndarray (nq,), (nu,)
         Coordinates and speeds, with the loops closed.
     outputs : ndarray (noutputs,)
-        Outputs of the model, with the inputs that were held until now.
+        Outputs of the model, with the inputs that were held until now; empty if the package lacks their function.
     p : ndarray (np,)
         Parameters.
     inputs : ndarray (n,)

@@ -329,8 +329,8 @@ class MotionRun(Room):
     def _sample(self, problem: Problem, sampling: Sampling, library: Any, ffi: Any, c: Any, results: Results) -> None:
         """Sets the function in C that the integrator calls at knots of the inputs, and that asks the controller."""
         k, doubles = len(problem.dp), ffi.typeof("double[]")
-        parts = (1, 2, 3)
-        none = [np.empty((0, places_in_rows(self.nq, self.nu, self.noutputs, 0)[i][1])) for i in parts]
+        shown = (self.nq, self.nu, self.noutputs if self._gives_outputs else 0)
+        none = [np.empty((0, size)) for size in shown]
 
         def at_knot(_: Any, motion: Any, t: float) -> int:
             if not sampling.is_due(t):
@@ -338,8 +338,10 @@ class MotionRun(Room):
             row = np.empty(results.size)  # the sample keeps it
             if library.ordernm_row(motion, results.r, ffi.from_buffer(doubles, row)):
                 return 1
-            values = [self._of_rows(row, i) for i in parts]
-            derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in parts] if k else none
+            values = [self._of_rows(row, i)[:size] for i, size in enumerate(shown, 1)]
+            derivatives = none
+            if k:
+                derivatives = [self._derivatives_of_rows(row, problem, k, i)[:, :n] for i, n in enumerate(shown, 1)]
             try:
                 sampling.take(t, values, derivatives)
             except BaseException as error:
