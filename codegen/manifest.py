@@ -21,7 +21,7 @@ from .model.model import Model, closure_row_names
 from .program.counting import counted
 from .program.operations import Operations, count
 from .program.plan import Plan
-from .program.procedure import WIDTHS, Array, Formulas, Procedure, Single, walk
+from .program.procedure import WIDTHS, Array, Formulas, Procedure, Run, Single, walk
 
 OUTSIDE = "start"
 """Name of the stage for constants, sines and cosines, listed like a sweep."""
@@ -35,7 +35,7 @@ def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) 
     """
     result: dict[str, Any] = {}
     steps = [s for p in procedures for s in walk(p.steps)]
-    single = {s.sweep for step in steps if isinstance(step, Single) for s in step.steps}
+    single = {s.sweep for step in steps if isinstance(step, Single) for s in step.steps if isinstance(s, Run)}
     for sweep in SWEEP.values():
         if not program.blocks.get(sweep.name):
             continue

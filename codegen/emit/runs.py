@@ -58,7 +58,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
                         call(name_of(step), w, None if anyhow else w)
                 case Single():
                     for s in step.steps:
-                        call(s.sweep, 1, None)
+                        call(name_of(s), 1, None)
                 case Perform():
                     for w in widths if over_directions(step) else ():
                         call(step.routine.name, w, None if anyhow else w)

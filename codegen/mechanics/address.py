@@ -12,6 +12,7 @@ from .memory import SystemLayout
 from .stores import (
     BASE_LINK,
     CE_DGP,
+    CL_DGP,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
     COUPLING_BLOCK,
@@ -182,7 +183,7 @@ class SystemAddresses(Addresses):
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)
         if memory is PER_PARAMETER_LANE:
-            region = "dgp" if store.plain in (DGP, CE_DGP) else "dp"
+            region = "dgp" if store.name in (DGP.name, CE_DGP.name, CL_DGP.name) else "dp"
             return Address(region, region, None, self._parameter(kind, sweep, store.plain, int(name)))
         region = store.name
         row: Row | None = None

@@ -29,7 +29,7 @@ from .second_order import read_outside as read_outside_twice
 from .stores import LAID_OUT, LINK, RECORD, SLOT
 from .structure.kinds import UnitKind
 from .structure.system import System
-from .sweeps import DIFFERENTIATED_TWICE, FALLING, SWEEPS, TWICE, Sweep, along_name
+from .sweeps import DIFFERENTIATED_TWICE, FALLING, SWEEPS, TWICE, Sweep, adjoint_name, along_name
 
 
 @dataclass(slots=True)
@@ -124,7 +124,8 @@ def expand(
         A block loads a field that no block stores, or (with `whole`) stores a field that no block loads.
     """
     wanted = set(sweeps)
-    chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
+    twice = {s for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & wanted}
+    chosen = [s for s in SWEEPS if s.name in wanted | twice and s.kinds(system)]
     patterns = Patterns(system)
     program = Program(system, read_outside=set(read_outside))
     start = time.perf_counter()
@@ -161,7 +162,9 @@ def _expand(
     """Write all blocks; returns the sweeps whose blocks follow from those of others (`second_order`)."""
     system = program.system
     field_use = FieldUse(program.read_outside)
-    originals: dict[str, dict[int, Original]] = {s: {} for s in DIFFERENTIATED_TWICE if along_name(s) in wanted}
+    originals: dict[str, dict[int, Original]] = {
+        s: {} for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & wanted
+    }
     for sweep in _timed(program, chosen, "expanding", progress):
         for kind in sweep.kinds(system):
             block, original = _written(patterns, field_use, sweep, kind)
@@ -172,7 +175,10 @@ def _expand(
         field_use.check()
     if not originals:
         return []
-    program.blocks |= SecondOrder(patterns, originals).blocks()
+    program.blocks |= {s: b for s, b in SecondOrder(patterns, originals, wanted).blocks().items() if s in wanted}
+    for sweep in originals.keys() - wanted:
+        del program.blocks[sweep]
+        chosen[:] = [s for s in chosen if s.name != sweep]
     program.read_outside |= read_outside_twice(system)
     return [s for s in TWICE if s.name in program.blocks]
 

@@ -273,6 +273,18 @@ dependent_acceleration = ScalarField(
     "x.{}", "u/s^2", "", "tangent of udot of a dependent degree of freedom, the sources' udot held"
 )
 
+closing_force = SixField("cf.", WRENCH, OWN, "moment about the origin and force of the loops' wrenches on a link")
+tree_transmitted = SixField(
+    "cacc.",
+    WRENCH,
+    OWN,
+    "wrench that outboard joints of the tree transmit, with all accelerations known",
+    propagated=True,
+)
+coupling_force = ScalarField(
+    "cc.{}", "N m or N", "", "force of couplings along a degree of freedom, with opposite sign"
+)
+
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 dependent_rate = ScalarField(

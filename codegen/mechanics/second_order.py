@@ -13,7 +13,7 @@ this tangent from which ``d(M z)`` follows. See `codegen.program.second_order`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from functools import partial
 
 from ..program import algebra
@@ -27,29 +27,45 @@ from ..program.store import SHAPE, Memory, Store
 from ..records import dataclass
 from .patterns import GROUND_KIND, Patterns, Place
 from .stores import (
+    ACCELERATION_GAP,
+    ACCELERATION_GAP_BAR,
     ADJOINT,
     ADJOINT_LANE,
     CE_DGP,
     CE_DP,
     CE_GP,
     CE_PARAMETER,
+    CL_DGP,
+    CL_DP,
+    CL_GP,
+    CL_PARAMETER,
     COEFFICIENT,
     COEFFICIENT_BAR,
     CONSTANTS,
+    COORDINATE_FORCE,
     COORDINATES,
+    DACCELERATION_GAP,
+    DACCELERATION_GAP_BAR,
     DCOEFFICIENT,
     DCOEFFICIENT_BAR,
+    DCOORDINATE_FORCE,
     DDRIVE,
     DDRIVE_BAR,
     DFORCE,
     DFORCE_BAR,
+    DGAP,
+    DGAP_BAR,
     DGP,
     DGQ,
     DGU,
     DMOTION,
     DMOTION_BAR,
+    DMULTIPLIER,
+    DMULTIPLIER_BAR,
     DP,
     DQ,
+    DRATE_GAP,
+    DRATE_GAP_BAR,
     DRIVE,
     DRIVE_BAR,
     DTAU,
@@ -60,13 +76,20 @@ from .stores import (
     ELEMENT_CONSTANTS,
     FORCE,
     FORCE_BAR,
+    GAP,
+    GAP_BAR,
     GP,
     GQ,
     GU,
+    LOOP_CONSTANTS,
     MASS_LANE,
     MOTION,
     MOTION_BAR,
+    MULTIPLIER,
+    MULTIPLIER_BAR,
     PARAMETER,
+    RATE_GAP,
+    RATE_GAP_BAR,
     RECORD,
     SPEEDS,
     TANGENT,
@@ -78,33 +101,54 @@ from .stores import (
     UDOT_BAR,
 )
 from .structure.element_kinds import ElementKind
-from .structure.kinds import LinkKind, UnitKind
+from .structure.kinds import EarKind, LinkKind, UnitKind
 from .structure.system import System
 from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, mass_name
 
 TANGENTS = {
     COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
-    FORCE: DFORCE,
+    FORCE: DFORCE, MULTIPLIER: DMULTIPLIER, GAP: DGAP, RATE_GAP: DRATE_GAP, ACCELERATION_GAP: DACCELERATION_GAP,
+    COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ,
 }  # fmt: skip
 """The tangents of arguments, results and formulas."""
 
 ADJOINTS = {
     DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
-    DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR,
+    DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
+    DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
 }  # fmt: skip
 """The adjoints, by the tangents."""
 
 ADJOINT_TANGENTS = {
     GQ: DGQ, GU: DGU, GP: DGP, CE_GP: CE_DGP, UDOT_BAR: DUDOT_BAR, TAU_BAR: DTAU_BAR, MOTION_BAR: DMOTION_BAR,
-    COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR,
+    COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR, CL_GP: CL_DGP,
+    MULTIPLIER_BAR: DMULTIPLIER_BAR, GAP_BAR: DGAP_BAR, RATE_GAP_BAR: DRATE_GAP_BAR,
+    ACCELERATION_GAP_BAR: DACCELERATION_GAP_BAR,
 }  # fmt: skip
 """The tangents of adjoints."""
 
 READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
 """Adjoints that formulas read; gradients themselves are not computed."""
 
+READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
+"""Adjoints from which the multipliers of loops follow."""
+
 _PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
+
+
+def _base(store: Store) -> Store:
+    """A store without its place."""
+    return _UNPLACED.get(store.name, store) if store.place is not None else store
+
+
+def _found(table: Mapping[Store, Store], store: Store) -> Store | None:
+    """The store that a table has for another one, at the same place."""
+    found = table.get(_base(store))
+    return found if found is None or store.place is None else found[store.place]
+
+
+_UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s in (*table, *table.values())}
 
 
 def _in(memory: Memory, store: Store) -> Store:
@@ -120,24 +164,32 @@ def tangent_of(store: Store, name: str) -> Component | None:
     """The place of the tangent of a value."""
     if store.memory is RECORD:
         return _in(TANGENT, store), name
-    return (TANGENTS[store], name) if store in TANGENTS else None
+    found = _found(TANGENTS, store)
+    return None if found is None else (found, name)
 
 
 def adjoint_of(store: Store) -> Store:
     """The store of the adjoints of a store of tangents."""
-    return _in(ADJOINT, store) if store.memory is TANGENT else ADJOINTS[store]
+    if store.memory is TANGENT:
+        return _in(ADJOINT, store)
+    found = _found(ADJOINTS, store)
+    assert found is not None, store
+    return found
 
 
 def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
     """The place of the tangent of a value or of an adjoint."""
     if store.memory is ADJOINT:
         return _in(memory, store), name
-    return (ADJOINT_TANGENTS[store], name) if store in ADJOINT_TANGENTS else tangent_of(store, name)
+    found = _found(ADJOINT_TANGENTS, store)
+    return tangent_of(store, name) if found is None else (found, name)
 
 
 def mass_tangent_of(store: Store, name: str) -> Component | None:
     """The same for ``M z`` at fixed z, in memory of its own."""
-    return None if store is FORCE_BAR else adjoint_tangent_of(store, name, MASS_LANE)
+    if _base(store) in (FORCE_BAR, ACCELERATION_GAP_BAR):
+        return None
+    return adjoint_tangent_of(store, name, MASS_LANE)
 
 
 @dataclass(slots=True, eq=False)
@@ -180,12 +232,21 @@ class SecondOrder:
     patterns : Patterns
     originals : mapping of str to mapping of int to Original
         By sweep and kind.
+    wanted : set of str
+        Names of the sweeps that run.
     """
 
-    def __init__(self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]]):
+    def __init__(self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]], wanted: Set[str]):
         self.patterns, self.system = patterns, patterns.system
-        self.originals = originals
+        self.originals, self.wanted = originals, wanted
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
+        loops = bool(self.system.model.loops)
+        self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()))
+        """Adjoints that are arrays and are read."""
+        self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
+        """Tangents of adjoints from which the tangents of solutions follow."""
+        self.dropped = () if loops else (DUDOT_BAR,)
+        self.unread = () if loops else (DFORCE,)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
         """Tangents that can differ from zero."""
 
@@ -214,15 +275,17 @@ class SecondOrder:
                 def wanted(store: Store, n: str, kind: UnitKind = kind, sweep: Sweep = sweep) -> bool:
                     return store.memory is not TANGENT or not read.isdisjoint(self._places(kind, sweep, store, n))
 
+                found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT or a not in self.unread)
+                if adjoint_name(name) not in self.wanted:
+                    continue
                 back = adjoint(
                     tangent, f"{adjoint_name(name)}_{k}", SWEEP[adjoint_name(name)].title, adjoint_of, wanted
                 )
-                found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT)
-                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or a in READ_BY_FORMULAS)
+                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or _base(a) in self.read)
                 mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
-                found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or a is DUDOT_BAR)
+                found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or _base(a) in self.solved)
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
-                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: a is not DUDOT_BAR)
+                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: _base(a) not in self.dropped)
         return found
 
     def _kinds(self, sweep: Sweep) -> list[UnitKind]:
@@ -288,6 +351,8 @@ def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:
 
 def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
     """The transparent symbols of a block, and the tangents of the angle and of the design parameters."""
+    if isinstance(kind, EarKind):
+        return _primitives_of_loops(kind, x)
     transparent: Primitives = {}
     roots: dict[Symbol, Expr] = {}
     loads = list(x.block.loads.items())
@@ -310,6 +375,23 @@ def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, 
                 roots[symbol] = x.let(
                     f"d_{name}", algebra.add(*(d * x.entry(dp, j) for j, d in inner.items())), "d", True
                 )
+    return transparent, roots
+
+
+def _primitives_of_loops(kind: EarKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
+    """The same for a block of an ear: the constants of its loops, and the design parameters on which these depend."""
+    transparent: Primitives = {}
+    roots: dict[Symbol, Expr] = {}
+    loads = list(x.block.loads.items())
+    for c, closure in enumerate(kind.closures):
+        parameters = range(closure.parameters)
+        roots |= {x.symbol(CL_PARAMETER[c], j): x.entry(CL_DP[c], j) for j in parameters}
+        for symbol, (store, name) in loads:
+            if store is LOOP_CONSTANTS[c]:
+                inner = {j: x.component(store, f"{name}/{j}") for j in parameters}
+                transparent[symbol] = {
+                    x.symbol(CL_PARAMETER[c], j): d for j, d in inner.items() if d is not algebra.ZERO
+                }
     return transparent, roots
 
 

@@ -166,7 +166,38 @@ GQ, DGQ = Store("gq", LINK, PER_COORDINATE), Store("dgq", LINK, PER_COORDINATE_L
 GU, DGU = Store("gu", LINK, PER_SPEED), Store("dgu", LINK, PER_SPEED_LANE)
 GP, DGP = Store("gp", LINK, PER_PARAMETER), Store("dgp", LINK, PER_PARAMETER_LANE)
 CE_GP, CE_DGP = Store("cegp", ELEMENT, PER_PARAMETER), Store("cedgp", ELEMENT, PER_PARAMETER_LANE)
+CL_GP, CL_DGP = Store("clgp", LOOP, PER_PARAMETER), Store("cldgp", LOOP, PER_PARAMETER_LANE)
 """Gradients of a weighted sum."""
+
+MULTIPLIER, DMULTIPLIER = Store("multiplier", LOOP, PER_CONDITION), Store("dmultiplier", LOOP, PER_CONDITION_LANE)
+MULTIPLIER_BAR, DMULTIPLIER_BAR = (
+    Store("multiplier_bar", LOOP, PER_CONDITION),
+    Store("dmultiplier_bar", LOOP, PER_CONDITION_LANE),
+)
+"""Multipliers of the loops' conditions, which are their wrenches, and adjoints of these."""
+GAP, DGAP = Store("gap", LOOP, PER_CONDITION), Store("dgap", LOOP, PER_CONDITION_LANE)
+GAP_BAR, DGAP_BAR = Store("gap_bar", LOOP, PER_CONDITION), Store("dgap_bar", LOOP, PER_CONDITION_LANE)
+RATE_GAP, DRATE_GAP = Store("rate_gap", LOOP, PER_CONDITION), Store("drate_gap", LOOP, PER_CONDITION_LANE)
+RATE_GAP_BAR, DRATE_GAP_BAR = (
+    Store("rate_gap_bar", LOOP, PER_CONDITION),
+    Store("drate_gap_bar", LOOP, PER_CONDITION_LANE),
+)
+ACCELERATION_GAP, DACCELERATION_GAP = (
+    Store("acceleration_gap", LOOP, PER_CONDITION),
+    Store("dacceleration_gap", LOOP, PER_CONDITION_LANE),
+)
+ACCELERATION_GAP_BAR, DACCELERATION_GAP_BAR = (
+    Store("acceleration_gap_bar", LOOP, PER_CONDITION),
+    Store("dacceleration_gap_bar", LOOP, PER_CONDITION_LANE),
+)
+"""Values of the loops' conditions in position, velocity and acceleration, all zero, and their adjoints."""
+GAP_RIGHT_SIDE = Store("gap_b", LOOP, PER_CONDITION_LANE)
+"""Right sides of the conditions in a solution with the mass matrix of a model with loops."""
+COORDINATE_FORCE, DCOORDINATE_FORCE = (
+    Store("coordinate_force", LINK, PER_SPEED),
+    Store("dcoordinate_force", LINK, PER_SPEED_LANE),
+)
+"""The gradient by coordinates, along the degrees of freedom."""
 
 TANGENT_OF = {
     SPEEDS: DU,

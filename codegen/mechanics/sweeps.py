@@ -14,6 +14,8 @@ from ..program.block import Scope
 from ..records import dataclass
 from .ears import (
     assembly,
+    closed_solutions,
+    closed_tree,
     closures,
     completion,
     far_links,
@@ -35,6 +37,7 @@ from .structure.system import System
 from .tree import (
     back_substitution,
     balance,
+    closed,
     columns,
     composite,
     inverse_dynamics,
@@ -215,6 +218,30 @@ SWEEPS: tuple[Sweep, ...] = (
           inverse_dynamics.balance_start, OUTWARD),
     Sweep("missing_forces", "joint forces that udot requires in addition to those of the model (Eq. 45)",
           inverse_dynamics.missing_forces, INWARD),
+    Sweep("tree_motion", "accelerations of all links at given udot, and required forces (Eqs. 19, 24)", closed.tree_motion,
+          OUTWARD),
+    Sweep("clear_wrenches", "forces of loops set to zero", closed.clear_wrenches, OUTWARD),
+    Sweep("wrenches", "wrenches of loops on links (Eq. 9)", _nothing, OUTWARD, applies=_never, ear=closed_tree.wrenches,
+          units=True),
+    Sweep("tree_forces", "joint forces that udot and the wrenches of loops require, in addition to those of the model (Eq. 45)",
+          closed.tree_forces, INWARD),
+    Sweep("acceleration_gaps", "values of the loops' conditions in acceleration (Eq. 31)", _nothing, OUTWARD, applies=_never,
+          ear=closed_tree.acceleration_gaps, units=True),
+    Sweep("rate_gaps", "values of the loops' conditions in velocity (Eq. 30)", _nothing, OUTWARD, applies=_never,
+          ear=closed_tree.rate_gaps, units=True),
+    Sweep("gaps", "values of the loops' conditions in position (Eq. 32)", _nothing, OUTWARD, applies=_never,
+          ear=closed_tree.gaps, units=True),
+    Sweep("coordinate_forces", "the gradient by coordinates, along degrees of freedom", closed.coordinate_forces, OUTWARD),
+    Sweep("multipliers_out", "forces of loops set to zero", _nothing, OUTWARD, lanes=True, applies=_never,
+          region=closed_solutions.clear_sums, units=True),
+    Sweep("multipliers_in", "multipliers for given forces along dependent degrees of freedom (Eq. 9)",
+          closed_solutions.link_multipliers, INWARD, lanes=True, ear=closed_solutions.ear_multipliers,
+          region=closed_solutions.region_multipliers, units=True),
+    Sweep("response_out", "solve M x + E^T y = b, E x = e: dependent accelerations (Eqs. 19, 23, 31)",
+          closed_solutions.link_response, OUTWARD, lanes=True, ear=closed_solutions.ear_response,
+          region=closed_solutions.region_response, units=True),
+    Sweep("response_in", "solve M x + E^T y = b, E x = e, inward (Eqs. 45, 53)", closed_solutions.link_solution, INWARD,
+          lanes=True, ear=closed_solutions.ear_solution, region=region_balance.region_solution, units=True),
     Sweep("turning", "response to rotation, inward (derivatives of Eqs. 21, 24, 45)", turning.turning, INWARD),
     Sweep("column_clear", "columns: forces set to zero", columns.column_clear, OUTWARD, lanes=True, groups="below"),
     Sweep("column_rest", "columns: right sides that are zero", columns.column_rest, OUTWARD, lanes=True, groups="rest"),
@@ -288,8 +315,11 @@ def _together() -> list[Sweep]:
     ]
 
 
-DIFFERENTIATED_TWICE = ("rotations", "pose", "velocities", "clear", "loads", "found_motion", "missing_forces")
-"""Sweeps of the inverse dynamics, in their order; see `second_order`."""
+DIFFERENTIATED_TWICE = (
+    "rotations", "pose", "velocities", "clear", "loads", "found_motion", "missing_forces", "tree_motion", "clear_wrenches",
+    "wrenches", "tree_forces", "acceleration_gaps", "rate_gaps", "gaps", "coordinate_forces",
+)  # fmt: skip
+"""Sweeps of the inverse dynamics and of the loops' conditions, in their order; see `second_order`."""
 
 
 def along_name(sweep: str) -> str:

@@ -59,7 +59,7 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
             case Prepare(lanes=False) if outside not in found:  # preparations over directions are not counted
                 found.append(outside)
             case Single():
-                found += [f"{s.sweep}_1" for s in step.steps]
+                found += [f"{s.sweep}_1" for s in step.steps if isinstance(s, Run)]
             case Primitives() if step.formulas.name not in found:
                 found.append(step.formulas.name)
             case _:

@@ -13,6 +13,7 @@ from ...program import procedure as steps
 from ...program.procedure import Array, Procedure, Routine, Step, over_directions, stops
 from ...program.store import MODES
 from ..function import Function, called_with
+from ..runs import name_of
 from ..target import Scalar
 from .call_memory import Memory, lays_out, read_apart
 from .columns import all_columns, primitives
@@ -386,7 +387,7 @@ class Lines:
             f"one.{a.name} = (lanes_1 *){of.name if of in given else self.array(of)};"
             for a, of in (*step.reads, *step.writes)
         ]
-        return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
+        return [*lines, *(f"{name_of(s)}_1(&one);" for s in step.steps)]
 
     def columns(self, step: steps.Columns) -> list[str]:
         """Lines that compute one column per direction at a time."""

@@ -103,11 +103,11 @@ class CPrepared(CMemory):
             if name == "adjoints"
         ]
 
-    def no_tangents(self) -> list[str]:
+    def no_tangents(self, regions: tuple[str, ...] = TWICE) -> list[str]:
         """Lines that set the tangents of adjoints to zero, and the tangents of the ground's values."""
         lines = []
         for name, _, n in self.regions():
-            if name in TWICE:
+            if name in regions:
                 first = n - n // self.layout.rows[name] if name == "tangents" else 0
                 lines.append(f"for (long i = {first}L; i < {n}L; ++i) ((LANES *)a->{name})[i] = NOTHING;")
         return lines
@@ -191,6 +191,8 @@ class CPrepared(CMemory):
                 return self.no_adjoints()
             case procedures.ADJOINT_TANGENTS:
                 return [*self.no_tangents(), *self.ground_along()]
+            case procedures.ADJOINT_TANGENTS_AGAIN:
+                return self.no_tangents(("adjoint_tangents",))
             case procedures.GROUND_TWICE:
                 return self.ground_twice()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:

@@ -168,11 +168,15 @@ class _Lines:
         return [f"a.{step.array.name} = a.{to.name}"]
 
     def single(self, step: steps.Single) -> list[str]:
-        lines = [f"a.{a.name} = a.{of.name}" for a, of in step.reads if a.name != of.name]
+        kept = [a.name for a, _ in step.writes if self.procedure and a in self.procedure.seeds]
+        kept = [name for name in kept if self.procedure and name not in self.procedure.held()]
+        lines = [f"given_{name} = a.{name}" for name in kept]
+        lines += [f"a.{a.name} = a.{of.name}" for a, of in step.reads if a.name != of.name]
         lines += [line for a, _ in step.writes for line in self.fresh(a)]
         lines += [line for s in step.steps for line in self.of(s)]
         self.result_of |= {to.name: to.name for _, to in step.writes}
-        return [*lines, *(f"a.{to.name} = a.{a.name}" for a, to in step.writes)]
+        lines += [f"a.{to.name} = a.{a.name}" for a, to in step.writes]
+        return [*lines, *(f"a.{name} = given_{name}" for name in kept)]
 
     def columns(self, step: steps.Columns) -> list[str]:
         unit, along = step.unit, any(map(over_directions, step.steps)) and not step.unit.lanes

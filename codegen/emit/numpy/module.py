@@ -192,6 +192,8 @@ class NumpyWriter(Writer):
                     *(f"a.{region} = [Adjoints() for _ in a.records]" for region in regions),
                     *(f"a.tangents[GROUND]{_key(n)} = {self._along(first)}" for n, first, _ in self.plan.ground.twice),
                 ]
+            case procedures.ADJOINT_TANGENTS_AGAIN:
+                return ["a.adjoint_tangents = [Adjoints() for _ in a.records]"]
             case procedures.GROUND_TWICE:
                 return self.ground_twice()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:

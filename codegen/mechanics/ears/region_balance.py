@@ -48,6 +48,29 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
 
     Eqs. 45, 53.
     """
+    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
+    transmitted |= {m: x.load(REGION, fields.far_transmitted(f)) for f, m in enumerate(kind.far) if m >= 0}
+    g = eliminated_sources(x, kind)
+    for m in others(kind):
+        add_partner_force(x, kind, m, _of_partner(kind, g, m), lanes=True)
+        add_partner_force(x, kind, m, transmitted[m], fields.transmitted)
+    for i in range(6 if kind.carried else 0):
+        part, value = fields.transmitted.scalars()[i], x.load(REGION, fields.region_transmitted.scalars()[i])
+        _add_to_base(x, kind, i, g)
+        accumulate(x, BASE, part, value, kind.first, "Eq. 44")
+
+
+def region_solution(x: Scope, kind: RegionKind) -> None:
+    """`region_balance_in` for a solution with given right sides: no forces are transmitted that change along directions."""
+    g = eliminated_sources(x, kind)
+    for m in others(kind):
+        add_partner_force(x, kind, m, _of_partner(kind, g, m), lanes=True)
+    for i in range(6 if kind.carried else 0):
+        _add_to_base(x, kind, i, g)
+
+
+def eliminated_sources(x: Scope, kind: RegionKind) -> Vector:
+    """Right sides of all unknowns of a region, after those of the sources have been eliminated."""
     at, where = place_of_base(kind), places_of_partners(kind)
     g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
     g += [0] * (unknowns(kind) - len(g))
@@ -57,7 +80,6 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
         eliminate_force(x, OF_SOURCES, LREGION, j, Column(j), g, 0, [""] * len(g))
     for c in kind.locked:
         x.store(LREGION, fields.source_driving_rest(c), g[c])
-    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         s = kind.sources + 6 * f
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
@@ -66,16 +88,20 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
         if m < 0:
             continue
         # the sum of the ears' forces on a far link is along that link's axes
-        transmitted[m], b = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
+        b = x.load(LREGION, fields.far_balance(f))
         for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
             g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)
-    for m in others(kind):
-        add_partner_force(x, kind, m, g[where[m] : where[m] + 6], lanes=True)
-        add_partner_force(x, kind, m, transmitted[m], fields.transmitted)
-    for i in range(6 if kind.carried else 0):
-        part, value = fields.transmitted.scalars()[i], x.load(REGION, fields.region_transmitted.scalars()[i])
-        accumulate(x, LBASE, fields.articulated_force.scalars()[i], g[at + i], kind.first, "Eq. 44", lanes=True)
-        accumulate(x, BASE, part, value, kind.first, "Eq. 44")
+    return g
+
+
+def _of_partner(kind: RegionKind, g: Vector, m: int) -> Vector:
+    at = places_of_partners(kind)[m]
+    return g[at : at + 6]
+
+
+def _add_to_base(x: Scope, kind: RegionKind, i: int, g: Vector) -> None:
+    part = fields.articulated_force.scalars()[i]
+    accumulate(x, LBASE, part, g[place_of_base(kind) + i], kind.first, "Eq. 44", lanes=True)
 
 
 def region_balance_back(x: Scope, kind: RegionKind) -> None:

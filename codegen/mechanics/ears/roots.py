@@ -117,6 +117,11 @@ class Root(ABC):
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 
+    def receive_along(self, tangent: Vector) -> None:
+        """Add six components over directions, along the root's own axes, to the region's sum."""
+        for i in SIX if self.needs_force else ():
+            self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
+
 
 class Frame(Root):
     """The region's base. If it does not carry the region rigidly, the six components of its motion are sources."""
@@ -257,6 +262,10 @@ class EarLink(Root):
         for i, part in enumerate(fields.root_transmitted.scalars()):
             accumulate(self.x, self.record, part, force[i], first, "Eq. 45")
             accumulate(self.x, LROOTS[self.place], part, tangent[i], first, "Eq. 45", lanes=True)
+
+    def receive_along(self, tangent: Vector) -> None:
+        first = self.kind.first_at[self.place]
+        accumulate(self.x, LROOTS[self.place], fields.root_transmitted, tangent, first, "Eq. 45", lanes=True)
 
 
 class FarLink(Root):

@@ -78,7 +78,7 @@ def procedures(
     if frames or functions is not None:
         found += tuple(frames_of(w))
     if functions is not None:
-        if HESSIAN_PRODUCTS in functions or (system.model.nu and not w.loops):
+        if HESSIAN_PRODUCTS in functions or system.model.nu:
             found += (hessian_products(w),)
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if not moves:

@@ -24,6 +24,7 @@ from ..quantities import run
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
+from .second_order_loops import WithLoops
 from .shared import Shared, performed
 from .words import OTHER_WIDTHS
 
@@ -37,7 +38,7 @@ def hessian_products(w: Shared) -> Procedure:
     Raises
     ------
     UnknownFunctionError
-        The model has closed loops, or no degree of freedom.
+        The model has no degree of freedom.
     """
     _check(w)
     dudot, weights, virtual, change = w.of("dudot", "b", "udot", "dudot")
@@ -46,26 +47,31 @@ def hessian_products(w: Shared) -> Procedure:
     found, dforce = dudot.called("found_dudot"), dudot.called("dforce_bar")
     parts = _Parts(w)
     gradient = tuple(w.one(f"dg{n}") for n in w.state)
-    steps: tuple[Step, ...] = (
-        *w.solved,
-        Own(virtual),
-        Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
-        *parts.adjoints(virtual),
-        Own(found),
-        Bind(dudot, found),
-        w.balance,
-        Own(change),
-        Zero(change),
-        parts.tangents,
-        Own(right),
-        Combine(right, (), (change,)),
-        Own(dforce),
-        Bind(dudot, dforce),
-        *SOLVE,
-        Bind(dudot, found),
-        *map(Zero, gradient),
-        *parts.adjoint_tangents(),
-    )
+    steps: tuple[Step, ...]
+    if w.loops:
+        loops = WithLoops(w, parts.formulas, parts.bars)
+        steps = (*w.solved, *loops.adjoints(weights, virtual), *loops.along(gradient))
+    else:
+        steps = (
+            *w.solved,
+            Own(virtual),
+            Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
+            *parts.adjoints(virtual),
+            Own(found),
+            Bind(dudot, found),
+            w.balance,
+            Own(change),
+            Zero(change),
+            parts.tangents,
+            Own(right),
+            Combine(right, (), (change,)),
+            Own(dforce),
+            Bind(dudot, dforce),
+            *SOLVE,
+            Bind(dudot, found),
+            *map(Zero, gradient),
+            *parts.adjoint_tangents(),
+        )
     return Procedure(
         HESSIAN_PRODUCTS,
         "Products of the Hessian of b . udot with directions: the change of its gradient along them (d Eqs. 9, 10).",
@@ -79,11 +85,6 @@ def hessian_products(w: Shared) -> Procedure:
 
 def _check(w: Shared) -> None:
     """Raise the error of a model without such products."""
-    if w.loops:
-        raise UnknownFunctionError(
-            f"functions: {HESSIAN_PRODUCTS} is for models without closed loops, and this model has the loops "
-            f"{', '.join(loop.name for loop in w.system.model.loops)}; leave it out; gradients are available"
-        )
     if not w.system.model.nu:
         raise UnknownFunctionError(
             f"functions: {HESSIAN_PRODUCTS} needs a degree of freedom, and this model has none; leave it out"

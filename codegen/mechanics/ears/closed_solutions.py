@@ -1,0 +1,223 @@
+"""Solutions with the closure matrix and the mass matrix of models with loops, for given right sides over directions.
+
+With E for the conditions of all loops and M for the mass matrix of the tree, the sweeps solve
+
+    E_dependent^T y = c        and        M x + E^T y = b,   E x = e.
+
+They are the balance (`ears.balance`) and the tangents of reactions (`ears.reaction_tangents`) with fixed geometry.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Value, Vector
+from .. import fields
+from ..couplings import add_partner_force, others
+from ..propagation import accumulate
+from ..rotors import rotor
+from ..spatial import SIX, add, is_zero, rotate
+from ..stores import (
+    DMULTIPLIER,
+    EAR,
+    GAP_RIGHT_SIDE,
+    LBASE,
+    LME,
+    LREGION,
+    LUP,
+    MY_LANE,
+    RIGHT_SIDE,
+)
+from ..structure.kinds import EarKind, LinkKind, RegionKind
+from ..tree.balance import add_inertial_force, eliminate, moved_by
+from ..tree.inverse_dynamics import propagate_lanes
+from ..tree.triangularization import force_to_parent
+from .balance import RootForce, column_of
+from .closed_tree import multipliers, numbered
+from .closures import dependents, own_sources, stored_factor
+from .conditions import components_along, kept_conditions
+from .geometry import EarGeometry
+from .motions import Twist
+from .reaction_tangents import add_wrench_changes, of_root
+from .region_balance import transmitted_fields
+
+# -- forces through an ear -----------------------------------------------------------------------------------------------
+
+
+def forces_from_outboard(x: Scope, kind: EarKind, needed: bool) -> list[Vector]:
+    """For each link of an ear, contributions of other links to the force on it, and what the link itself requires if `needed`."""
+    found: list[Vector] = []
+    for k in range(len(kind.links)):
+        parts = [(MY_LANE[k], fields.needed)] if needed else []
+        if kind.followed[k]:
+            parts.append((LME[k], fields.root_transmitted))
+        if kind.links[k].carries:
+            parts.append((LME[k], fields.articulated_force))
+        found.append([sum(x.load(store, field.scalars()[i]) for store, field in parts) for i in SIX])
+    return found
+
+
+def propagate(x: Scope, ear: EarGeometry, force: list[Vector]) -> list[RootForce]:
+    """Propagate forces inward through an ear, in place; returns the forces on the roots. Eq. 45."""
+    on_roots: list[RootForce] = []
+    for k in reversed(range(len(force))):
+        member = ear.members[k]
+        force[k] = [x.let("phi", v, "Eq. 45", lanes=True) for v in force[k]]
+        if member.parent < 0 and not ear.roots[-1 - member.parent].needs_force:
+            continue
+        joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
+        on_parent = force_to_parent(x, joint, force[k], "Eq. 45", member.r)
+        if member.parent >= 0:
+            force[member.parent] = add(force[member.parent], on_parent)
+        else:
+            on_roots.append(RootForce(-1 - member.parent, [], on_parent))
+    return on_roots
+
+
+def add_to_roots(x: Scope, ear: EarGeometry, on_roots: list[RootForce]) -> None:
+    """Add the forces on roots to the sums over directions, along each root's own axes."""
+    for t, root in enumerate(ear.roots):
+        parts = [h.tangent for h in on_roots if h.root == t]
+        if parts and root.needs_force:
+            root.receive_along([x.let("to_root", v, "Eq. 45", lanes=True) for v in add(*parts)])
+
+
+# -- multipliers: E_dependent^T y = c --------------------------------------------------------------------------------------
+
+
+def clear_sums(x: Scope, kind: RegionKind) -> None:
+    """Outward block of a region: set the forces on its carrying links to zero."""
+    for _, of_lanes in transmitted_fields(kind):
+        for part in of_lanes.scalars():
+            x.store(LREGION, part, 0)
+
+
+def link_multipliers(x: Scope, kind: LinkKind) -> None:
+    """Inward block of a link: propagate the forces of outboard loops."""
+    for m in others(kind):
+        if kind.partners.first[m]:
+            add_partner_force(x, kind, m, [0] * 6, lanes=True)
+    if kind.has_parent:
+        joint = kind.joint(x, kind, lanes=True)
+        propagate_lanes(x, kind, force_to_parent(x, joint, x.load(LME, fields.articulated_force), "Eq. 45"))
+
+
+def ear_multipliers(x: Scope, kind: EarKind) -> None:
+    """Inward block of an ear: multipliers for given forces along its dependent degrees of freedom. Eq. 9."""
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
+    force = forces_from_outboard(x, kind, False)
+    on_roots = propagate(x, ear, force)
+    if rows:
+        right = [x.entry(RIGHT_SIDE[k], j) - column_of(ear, k, j).along(force[k]) for k, j in dependents(kind)]
+        right = [x.let("c", v, "Eq. 9", lanes=True) for v in right]
+        found = stored_factor(x, kind).solve_transposed(right, "y", "Eq. 9", lanes=True)
+        for (c, i), value in zip(numbered(rows), found, strict=True):
+            x.set_entry(DMULTIPLIER[c], i, value)
+        on_roots += add_wrench_changes(x, ear, rows, found, force)
+    add_to_roots(x, ear, on_roots)
+
+
+def region_multipliers(x: Scope, kind: RegionKind) -> None:
+    """Inward block of a region: add its forces to the links on which it hangs."""
+    sums = {m: f for f, m in enumerate(kind.far) if m >= 0}
+    for m in others(kind):
+        force = x.load(LREGION, fields.far_balance(sums[m])) if m in sums else [0] * 6
+        add_partner_force(x, kind, m, force, lanes=True)
+    if kind.carried:
+        force = x.load(LREGION, fields.region_balance)
+        accumulate(x, LBASE, fields.articulated_force, force, kind.first, "Eq. 44", lanes=True)
+
+
+# -- accelerations: M x + E^T y = b, E x = e -------------------------------------------------------------------------------
+
+
+def link_response(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link: the force that its acceleration by inboard loops requires. Eqs. 19, 23."""
+    joint = kind.joint(x, kind, lanes=True)
+    A = moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), [0] * joint.freedoms, "Eq. 19")
+    _store_needed(x, A)
+
+
+def _store_needed(x: Scope, A: Vector) -> None:
+    force: Vector = [0] * 6
+    add_inertial_force(x, force, A)
+    x.store(MY_LANE, fields.needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
+
+
+def ear_response(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: dependent accelerations with the sources at rest, and required forces. Eqs. 19, 23, 31."""
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
+    before = [of_root(x, root) for root in ear.roots]
+    rates: dict[tuple[int, int], Value] = {}
+    if rows:
+        along = [
+            Twist(*(x.let_vector("A", rotate(root.attitude(), v), "Eq. 31", lanes=True) for v in (A[:3], A[3:])))
+            for root, A in zip(ear.roots, before, strict=True)
+        ]
+        moved = components_along(ear, rows, ear.root_difference(along), "b", "Eq. 31", lanes=True)
+        right = [a - b for a, b in zip(multipliers(x, rows, GAP_RIGHT_SIDE), moved, strict=True)]
+        right = [x.let("b", v, "Eq. 31", lanes=True) for v in right]
+        solved = stored_factor(x, kind).solve(right, "dx", "Eq. 31", lanes=True)
+        rates = dict(zip(dependents(kind), solved, strict=True))
+    found: list[Vector] = []
+    for k, member in enumerate(ear.members):
+        joint = kind.links[k].joint(member.view, kind.links[k], lanes=True)
+        parent = found[member.parent] if member.parent >= 0 else before[-1 - member.parent]
+        A = moved_by(member.view, joint, parent, [rates.get((k, j), 0) for j in range(len(joint.columns))], "Eq. 19")
+        found.append(A)
+        _store_needed(member.view, A)
+        for j in kind.dependent[k]:
+            x.store(MY_LANE[k], fields.dependent_acceleration(j), rates[k, j])
+
+
+def region_response(x: Scope, kind: RegionKind) -> None:
+    """Outward block of a region: set sums to zero."""
+    for c in range(kind.total):
+        x.store(LREGION, fields.source_tangent_force(c), 0)
+    clear_sums(x, kind)
+
+
+def link_solution(x: Scope, kind: LinkKind) -> None:
+    """Inward block of a link: the recursion of the bias force, with partners. Eqs. 45, 53."""
+    joint = kind.joint(x, kind, lanes=True)
+    P = [
+        x.let("P", x.load(MY_LANE, own) + x.load(LME, children), "Eq. 45", lanes=True)
+        for own, children in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
+    ]
+    if joint.driven:
+        x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
+    of_partners = eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
+    for m in others(kind):
+        add_partner_force(x, kind, m, of_partners[m], lanes=True)
+    if kind.has_parent:
+        force, beside = force_to_parent(x, joint, P, "Eq. 45"), of_partners.get(kind.partners.base)
+        if beside is not None:
+            force = [x.let("beside", v, "Eq. 45", lanes=True) for v in add(force, beside)]
+        propagate_lanes(x, kind, force)
+
+
+def ear_solution(x: Scope, kind: EarKind) -> None:
+    """Inward block of an ear: residuals of the forces along its joints, projected onto the sources. Eqs. 45, 53."""
+    ear = EarGeometry(x, kind)
+    force = forces_from_outboard(x, kind, True)
+    on_roots = propagate(x, ear, force)
+
+    def residual(k: int, j: int) -> Value:
+        along = column_of(ear, k, j).along(force[k])
+        if kind.links[k].joint.driven:
+            return along
+        view, a = ear.members[k].view, rotor(ear.members[k].view, kind.links[k], j)
+        along = along - view.entry(RIGHT_SIDE, j)
+        if is_zero(a) or j not in kind.dependent[k]:
+            return along
+        return along + a * x.load(MY_LANE[k], fields.dependent_acceleration(j))
+
+    r = {c: residual(k, j) for c, (k, j) in own_sources(kind).items()}
+    for n, (k, j) in enumerate(dependents(kind)):
+        value = x.let("gamma", residual(k, j), "Eq. 53", lanes=True)
+        for c in range(kind.total):
+            r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
+    for c, value in r.items():
+        x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "Eq. 53", lanes=True))
+    add_to_roots(x, ear, on_roots)

@@ -1,0 +1,227 @@
+"""Steps of products with second derivatives for models with loops; see `codegen.mechanics.second_order`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...program.procedure import (
+    ADJOINT_TANGENTS,
+    ADJOINT_TANGENTS_AGAIN,
+    ADJOINT_VALUES,
+    GROUND_TWICE,
+    Array,
+    Bind,
+    Combine,
+    Formulas,
+    Own,
+    Perform,
+    Prepare,
+    Run,
+    Single,
+    Step,
+    Zero,
+    ZeroEntries,
+)
+from ..quantities import run
+from ..sweeps import adjoint_name, along_name, mass_name
+from .shared import Shared, performed
+
+MULTIPLIERS = run("multipliers_out", "multipliers_in")
+"""Sweeps that solve for multipliers of the loops' conditions."""
+
+RESPONSE = run("response_out", "response_in", "balance_back")
+"""Sweeps that solve for accelerations, with right sides of the equations of motion and of the loops' conditions."""
+
+WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
+OF_MASS = ("tree_motion", "wrenches", "tree_forces", "acceleration_gaps")
+"""Sweeps from whose adjoints ``M z + E^T y`` and ``E z`` follow."""
+
+
+class WithLoops:
+    """The steps; `adjoints` and `along` give them in their order.
+
+    The Lagrangian is ``w . udot + z . (r + E^T W) + y . (acceleration conditions) + n . (velocity conditions) + k . (position
+    conditions)``: z and y make it stationary in udot and W, n in the dependent speeds, k in the dependent coordinates.
+    """
+
+    def __init__(self, w: Shared, formulas: list[Formulas], bars: list[Array]):
+        self.w, self.formulas, self.bars = w, formulas, bars
+        quaternions = any(link.joint.quaternion is not None for link in w.system.links)
+        self.sweeps = [
+            *(["rotations"] if quaternions else []),
+            *("pose", "velocities"),
+            *(["clear", "loads"] if w.elements else []),
+            *("tree_motion", *WITH_WRENCHES, "acceleration_gaps", "rate_gaps", "gaps"),
+        ]
+        self.of_values = self.sweeps[: self.sweeps.index("acceleration_gaps")]
+        self.b, self.udot, self.dudot, self.force = w.of("b", "udot", "dudot", "force")
+        self.right = self.b.tangent("b")
+        position = w.one("position")
+        self.multiplier = position.called("multiplier")
+        self.found = self.multiplier.tangent()
+        self.gap_right = position.tangent("gap_b")
+        self.gaps = [position.called(f"{name}_bar") for name in ("acceleration_gap", "rate_gap", "gap")]
+        self.gq, self.gu = w.one("q").called("gq"), w.one("u").called("gu")
+        self.udot_bar = self.udot.called("udot_bar")
+        self.multiplier_bar = position.called("multiplier_bar")
+        self.along_coordinates = self.udot.called("coordinate_force")
+        self.side = self.udot.called("side")
+        self.zero = [self.gq, self.gu, self.udot_bar, self.multiplier_bar]
+        """Arrays to which adjoints add, besides those of formulas."""
+
+    # -- values ----------------------------------------------------------------------------------------------------
+
+    def adjoints(self, weights: Array, virtual: Array) -> list[Step]:
+        """Multipliers and adjoints for one vector of weights."""
+        force_bar, nothing = self.force.called("force_bar"), self.multiplier.called("no_gap")
+        first, second = self.multiplier.called("multipliers_of_b"), self.multiplier.called("multipliers_of_mass")
+        owned = [self.multiplier, nothing, *self.gaps, first, second]
+        back = self._performed_back()
+        acceleration_gap, rate_gap, gap = self.gaps
+        of_formulas = self._formula_gradients()
+        return [
+            *(step for a in owned for step in (Own(a), Zero(a))),
+            *(Own(a) for a in (self.force, self.side, self.along_coordinates, *self.zero, *self.bars)),
+            Own(virtual),
+            Single(RESPONSE, ((self.right, weights), (self.gap_right, nothing)), ((self.dudot, virtual),)),
+            Single(MULTIPLIERS, ((self.right, weights),), ((self.found, first),)),
+            performed(
+                "tree_values",
+                "Motions of the links, and joint forces of the tree with the loops cut.",
+                run("pose", "velocities", "tree_motion", "clear_wrenches", "tree_forces"),
+            ),
+            *self._single(self.force, self.multiplier),
+            performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
+            Own(force_bar),
+            Combine(force_bar, (), (virtual,)),
+            back,
+            Single(MULTIPLIERS, ((self.right, self.udot_bar),), ((self.found, second),)),
+            Combine(acceleration_gap, (), (first, second)),
+            back,
+            *of_formulas,
+            *self._single(self.gu, rate_gap),
+            back,
+            *self._add_formulas(),
+            *run("coordinate_forces"),
+            *self._single(self.along_coordinates, gap),
+            back,
+            *self._add_formulas(),
+        ]
+
+    def _single(self, of: Array, to: Array) -> list[Step]:
+        """Multipliers that balance the forces `of` along the dependent degrees of freedom."""
+        return [Combine(self.side, (), (of,)), Single(MULTIPLIERS, ((self.right, self.side),), ((self.found, to),))]
+
+    def _performed_back(self) -> Perform:
+        back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps))
+        zero = tuple(Zero(a) for a in (*self.zero, *self.bars))
+        doc = "Adjoints of the inverse dynamics and of the loops' conditions, for the multipliers that are known."
+        return performed("adjoints_of_values", doc, (*zero, Prepare(ADJOINT_VALUES), *back))
+
+    def _formula_gradients(self) -> list[Step]:
+        """Gradients that joint forces contribute by coordinates and speeds; added to the others."""
+        if not self.w.forces:
+            return []
+        (tau_bar,) = (b for b in self.bars if b.name == "tau_bar")
+        (forces,) = self.w.forces
+        into = [(self.w.one(f"d{n}"), self.w.one(n).called(f"formula_g{n}")) for n in self.w.state]
+        tau = self.w.one("tau").tangent()
+        return [
+            *(step for _, a in into for step in (Own(a), Zero(a))),
+            Single((forces.transpose(),), ((tau, tau_bar),), tuple(into)),
+            *self._add_formulas(),
+        ]
+
+    def _add_formulas(self) -> list[Step]:
+        if not self.w.forces:
+            return []
+        return [Combine(a, (a, a.called(f"formula_{a.name}"))) for a in (self.gq, self.gu)]
+
+    # -- along directions ------------------------------------------------------------------------------------------
+
+    def along(self, gradient: tuple[Array, ...]) -> list[Step]:
+        """Tangents of all multipliers and adjoints: the change of the gradient."""
+        w, found_dudot = self.w, self.dudot.called("found_dudot")
+        of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
+        dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
+        side, gap_side = self.side.tangent(), self.gap_right.called("dgap_side")
+        dgaps = [a.tangent() for a in self.gaps]
+        wrench = self.multiplier.tangent("found_dmultiplier")
+        dgq, dgu = gradient[:2]
+        back = self._back_along(gradient)
+        coordinates = self.along_coordinates.tangent()
+
+        def solved(of: Array, to: Array) -> list[Step]:
+            """Tangents of multipliers that balance tangents of forces."""
+            return [
+                Combine(side, (), (of,)),
+                Bind(self.right, side),
+                Bind(self.found, to),
+                *MULTIPLIERS,
+                Bind(self.found, wrench),
+            ]
+
+        return [
+            *w.along,
+            Own(found_dudot),
+            Bind(self.dudot, found_dudot),
+            w.balance,
+            *(Own(a) for a in (side, gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
+            *(step for a in (wrench, *dgaps, dforce_bar) for step in (Own(a), Zero(a))),
+            *(Own(a.tangent()) for a in self.bars),
+            Bind(self.found, wrench),
+            performed(
+                "tangents_of_values",
+                "Tangents of the tree's inverse dynamics, with the multipliers held.",
+                (Prepare(ADJOINT_TANGENTS, True), *(Run(along_name(s), True) for s in self.of_values)),
+            ),
+            *solved(dforce, wrench),
+            performed(
+                "tangents_of_masses",
+                "Tangents of wrenches; tangents of M z + E^T y and E z at fixed z and y.",
+                (
+                    *(Run(along_name(s), True) for s in WITH_WRENCHES),
+                    *(Zero(a) for a in (of_mass, of_gaps)),
+                    *(Run(mass_name(s), True) for s in reversed(self.sweeps) if s in OF_MASS),
+                ),
+            ),
+            Combine(side, (), (of_mass,)),
+            Combine(gap_side, (), (of_gaps,)),
+            Bind(self.right, side),
+            Bind(self.gap_right, gap_side),
+            Bind(self.dudot, dforce_bar),
+            *RESPONSE,
+            Bind(self.dudot, found_dudot),
+            back,
+            *solved(of_mass, dgaps[0]),
+            back,
+            *solved(dgu, dgaps[1]),
+            back,
+            *run_along("coordinate_forces"),
+            *solved(coordinates, dgaps[2]),
+            back,
+            *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
+        ]
+
+    def _dependent(self) -> list[tuple[int, ...]]:
+        """Entries of coordinates and speeds that depend on others."""
+        sizes = (self.w.one("q").size, self.w.one("u").size)
+        free = self.w.system.independent
+        return [tuple(sorted(set(range(n)).difference(of))) for n, of in zip(sizes, free, strict=True)]
+
+    def _back_along(self, gradient: tuple[Array, ...]) -> Perform:
+        zero = (*gradient, self.udot_bar.tangent(), self.multiplier_bar.tangent(), *(a.tangent() for a in self.bars))
+        steps: tuple[Step, ...] = (
+            *map(Zero, zero),
+            Prepare(ADJOINT_TANGENTS_AGAIN, True),
+            *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
+            Prepare(GROUND_TWICE, True),
+            *(replace(f, lanes=True, twice=True) for f in self.formulas),
+        )
+        doc = "Tangents of the adjoints: the change of the gradient for the tangents of multipliers that are known."
+        return performed("tangents_of_adjoints", doc, steps)
+
+
+def run_along(sweep: str) -> tuple[Run, ...]:
+    """The step that runs the tangent of a sweep."""
+    return (Run(along_name(sweep), True),)
