@@ -232,6 +232,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("gaps", "values of the loops' conditions in position (Eq. 32)", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.gaps, units=True),
     Sweep("coordinate_forces", "the gradient by coordinates, along degrees of freedom", closed.coordinate_forces, OUTWARD),
+    Sweep("tangential_gradients", "gradients by quaternions of which loops determine a part", _nothing, OUTWARD, applies=_never,
+          ear=closed_tree.tangential_gradients, units=True),
     Sweep("multipliers_out", "forces of loops set to zero", _nothing, OUTWARD, lanes=True, applies=_never,
           region=closed_solutions.clear_sums, units=True),
     Sweep("multipliers_in", "multipliers for given forces along dependent degrees of freedom (Eq. 9)",
@@ -318,6 +320,7 @@ def _together() -> list[Sweep]:
 DIFFERENTIATED_TWICE = (
     "rotations", "pose", "velocities", "clear", "loads", "found_motion", "missing_forces", "tree_motion", "clear_wrenches",
     "wrenches", "tree_forces", "acceleration_gaps", "rate_gaps", "gaps", "coordinate_forces",
+    "tangential_gradients",
 )  # fmt: skip
 """Sweeps of the inverse dynamics and of the loops' conditions, in their order; see `second_order`."""
 

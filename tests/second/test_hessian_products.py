@@ -12,15 +12,10 @@ from prescribed_models import with_prescribed
 from random_elements import with_random_elements
 from random_models import EVERY, RandomState, random_seeds, random_state, random_tree
 from rotor_models import with_rotors
+from second_derivatives import DIGITS, EXAMPLES, FUNCTIONS, STEP, directions, hessian, joined, made
 
 import codegen
-from codegen.mechanics.procedures import UnknownFunctionError
 from codegen.model import Model, parse_model
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-FUNCTIONS = "accelerations,gradients,hessian_products"
-DIGITS, STEP = 40, 1e-12
-"""Central differences with this step have an error of about 1e-24, plus 1e-28 of rounding."""
 
 
 def test_a_result_that_is_not_finite_has_the_name_of_the_method(tmp_path: Path) -> None:
@@ -34,28 +29,6 @@ def test_a_result_that_is_not_finite_has_the_name_of_the_method(tmp_path: Path) 
     model = parse_model(json.dumps(odd), "odd.yaml")
     with pytest.warns(RuntimeWarning, match="odd: q of hessian_products is not finite"):
         made(model, tmp_path).hessian_products([0.0], [0.0], weights=[1.0], dq=[1.0])
-
-
-def made(model: Any, folder: Path, target: str = "numpy") -> codegen.Solver:
-    codegen.generate(model, folder / "package", functions=FUNCTIONS, target=target)
-    return codegen.load(folder / "package")
-
-
-def directions(solver: codegen.Solver, state: Any) -> dict[str, np.ndarray]:
-    """One direction for every entry of q, u, p, inputs and t."""
-    parts = [*state[:4], [state.t]]
-    units = np.split(np.eye(sum(map(len, parts))), np.cumsum([len(x) for x in parts[:-1]]), axis=1)
-    seeds = dict(zip(("dq", "du", "dp", "dinputs", "dt"), units, strict=True))
-    return seeds | {"dt": seeds["dt"][:, 0]}
-
-
-def joined(found: Any) -> np.ndarray:
-    """All entries by direction (k, n)."""
-    return np.concatenate([*found[:4], found.t[..., None]], axis=-1)
-
-
-def hessian(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
-    return joined(solver.hessian_products(*state, weights=weights, **directions(solver, state)))
 
 
 def differences(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
@@ -112,12 +85,6 @@ def test_a_pendulum_has_the_hessian_of_its_closed_form(pendulum: codegen.Solver)
     assert (by_p_and_t[0, :3, :3] == H.T[2:, 2:]).all() and not by_p_and_t[:, 3].any()
     with pytest.raises(ValueError, match="wrt: the model has no inputs; choose others of q, u, p, inputs, t"):
         pendulum.hessians(**given, wrt="inputs")
-
-
-def test_models_with_loops_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UnknownFunctionError, match="hessian_products is for models without closed loops"):
-        codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "x", functions=FUNCTIONS)
-    assert not (tmp_path / "x").exists()
 
 
 def test_a_solver_without_the_function_tells_how_to_get_it(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..spatial import about, add, cross, dot, matvec, minus, rotate, transpose, turned
-from ..stores import ACCELERATION_GAP, BASE, GAP, ME, MULTIPLIER, RATE_GAP, UDOT
+from ..stores import ACCELERATION_GAP, BASE, COORDINATES, GAP, GQ, ME, MULTIPLIER, RATE_GAP, UDOT
 from ..structure.kinds import EarKind
 from .closing_accelerations import closing_accelerations
 from .conditions import Condition, components_along, kept_conditions, of_loop
@@ -178,3 +178,19 @@ def acceleration_gaps(x: Scope, kind: EarKind) -> None:
     found = closing_accelerations(x, ear, rows, ear.face_motion, joints, "ca", ear.root_velocities)
     for (c, i), value in zip(numbered(rows), found, strict=True):
         x.set_entry(ACCELERATION_GAP[c], i, value)
+
+
+def tangential_gradients(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: gradients by quaternions, without the component along the quaternion.
+
+    Only where loops determine some rotations of a joint but not all: completion of seeds then keeps the quaternion's length.
+    """
+    for k, link in enumerate(kind.links):
+        if link.joint.quaternion is None or not 0 < len([j for j in kind.dependent[k] if j < 3]) < 3:
+            continue
+        places = range(link.joint.quaternion, link.joint.quaternion + 4)
+        e, g = ([x.entry(store[k], i) for i in places] for store in (COORDINATES, GQ))
+        along = x.let("along", sum(a * b for a, b in zip(e, g, strict=True)), "Eq. 30")
+        share = x.let("share", along / x.let("ee", sum(a * a for a in e), "Eq. 30"), "Eq. 30")
+        for i, a, b in zip(places, e, g, strict=True):
+            x.set_entry(GQ[k], i, x.let("g", b - share * a, "Eq. 30"))

@@ -49,8 +49,7 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
     Eqs. 45, 53.
     """
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
-    transmitted |= {m: x.load(REGION, fields.far_transmitted(f)) for f, m in enumerate(kind.far) if m >= 0}
-    g = eliminated_sources(x, kind)
+    g = eliminated_sources(x, kind, transmitted)
     for m in others(kind):
         add_partner_force(x, kind, m, _of_partner(kind, g, m), lanes=True)
         add_partner_force(x, kind, m, transmitted[m], fields.transmitted)
@@ -69,8 +68,11 @@ def region_solution(x: Scope, kind: RegionKind) -> None:
         _add_to_base(x, kind, i, g)
 
 
-def eliminated_sources(x: Scope, kind: RegionKind) -> Vector:
-    """Right sides of all unknowns of a region, after those of the sources have been eliminated."""
+def eliminated_sources(x: Scope, kind: RegionKind, transmitted: dict[int, Vector] | None = None) -> Vector:
+    """Right sides of all unknowns of a region, after those of the sources have been eliminated.
+
+    If given, `transmitted` receives the forces on far links, by partner.
+    """
     at, where = place_of_base(kind), places_of_partners(kind)
     g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
     g += [0] * (unknowns(kind) - len(g))
@@ -88,6 +90,8 @@ def eliminated_sources(x: Scope, kind: RegionKind) -> Vector:
         if m < 0:
             continue
         # the sum of the ears' forces on a far link is along that link's axes
+        if transmitted is not None:
+            transmitted[m] = x.load(REGION, fields.far_transmitted(f))
         b = x.load(LREGION, fields.far_balance(f))
         for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
             g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)

@@ -200,6 +200,7 @@ class WithLoops:
             *run_along("coordinate_forces"),
             *solved(coordinates, dgaps[2]),
             back,
+            *run_along("tangential_gradients"),
             *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
 
