@@ -945,7 +945,8 @@ class Solver(Package):
         """Return products of the Hessian of ``sum_i weights_i udot_i`` with directions, exact to rounding.
 
         They are the changes of its gradient (`gradients`) along the directions. The function is generated on request,
-        with ``--functions``, for models without closed loops.
+        with ``--functions``. In mechanisms with loops only the independent entries of dq and du are read; closure
+        determines the dependent ones, whose results are zero.
 
         Parameters
         ----------
@@ -983,7 +984,8 @@ class Solver(Package):
     ) -> Array:  # fmt: skip
         """Return the Hessian of ``sum_i weights_i udot_i``, exact to rounding.
 
-        One product with a direction for every column, see `hessian_products`. The matrix is symmetric to rounding.
+        One product with a direction for every column, see `hessian_products`. The matrix is symmetric to rounding,
+        unless loops determine a part of a quaternion or position: its entries then depend on each other.
 
         Parameters
         ----------
