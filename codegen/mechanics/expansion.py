@@ -176,9 +176,10 @@ def _expand(
     if not originals:
         return []
     program.blocks |= {s: b for s, b in SecondOrder(patterns, originals, wanted).blocks().items() if s in wanted}
-    for sweep in originals.keys() - wanted:
-        del program.blocks[sweep]
-        chosen[:] = [s for s in chosen if s.name != sweep]
+    only_differentiated = originals.keys() - wanted
+    for name in only_differentiated:
+        del program.blocks[name]
+    chosen[:] = [s for s in chosen if s.name not in only_differentiated]
     program.read_outside |= read_outside_twice(system)
     return [s for s in TWICE if s.name in program.blocks]
 

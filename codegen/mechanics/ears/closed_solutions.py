@@ -121,7 +121,7 @@ def region_multipliers(x: Scope, kind: RegionKind) -> None:
     """Inward block of a region: add its forces to the links on which it hangs."""
     sums = {m: f for f, m in enumerate(kind.far) if m >= 0}
     for m in others(kind):
-        force = x.load(LREGION, fields.far_balance(sums[m])) if m in sums else [0] * 6
+        force: Vector = x.load(LREGION, fields.far_balance(sums[m])) if m in sums else [0] * 6
         add_partner_force(x, kind, m, force, lanes=True)
     if kind.carried:
         force = x.load(LREGION, fields.region_balance)

@@ -141,68 +141,72 @@ class WithLoops:
 
     def along(self, gradient: tuple[Array, ...]) -> list[Step]:
         """Tangents of all multipliers and adjoints: the change of the gradient."""
+        of_mass, dgaps = self.udot_bar.tangent(), [a.tangent() for a in self.gaps]
+        dgq, dgu = gradient[:2]
+        back, coordinates = self._back_along(gradient), self.along_coordinates.tangent()
+        return [
+            *self._tangents(),
+            back,
+            *self._solved(of_mass, dgaps[0]),
+            back,
+            *self._solved(dgu, dgaps[1]),
+            back,
+            *run_along("coordinate_forces"),
+            *self._solved(coordinates, dgaps[2]),
+            back,
+            *run_along("tangential_gradients"),
+            *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
+        ]
+
+    def _tangents(self) -> list[Step]:
+        """Tangents of values, of the wrenches, and of the virtual motion."""
         w, found_dudot = self.w, self.dudot.called("found_dudot")
         of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
         dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
-        side, gap_side = self.side.tangent(), self.gap_right.called("dgap_side")
+        gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
-        wrench = self.multiplier.tangent("found_dmultiplier")
-        dgq, dgu = gradient[:2]
-        back = self._back_along(gradient)
-        coordinates = self.along_coordinates.tangent()
-
-        def solved(of: Array, to: Array) -> list[Step]:
-            """Tangents of multipliers that balance tangents of forces."""
-            return [
-                Combine(side, (), (of,)),
-                Bind(self.right, side),
-                Bind(self.found, to),
-                *MULTIPLIERS,
-                Bind(self.found, wrench),
-            ]
-
+        masses = (
+            *(Run(along_name(s), True) for s in WITH_WRENCHES),
+            *(Zero(a) for a in (of_mass, of_gaps)),
+            *(Run(mass_name(s), True) for s in reversed(self.sweeps) if s in OF_MASS),
+        )
         return [
             *w.along,
             Own(found_dudot),
             Bind(self.dudot, found_dudot),
             w.balance,
-            *(Own(a) for a in (side, gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
-            *(step for a in (wrench, *dgaps, dforce_bar) for step in (Own(a), Zero(a))),
+            *(Own(a) for a in (self.side.tangent(), gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
+            *(step for a in (self.wrench, *dgaps, dforce_bar) for step in (Own(a), Zero(a))),
             *(Own(a.tangent()) for a in self.bars),
-            Bind(self.found, wrench),
+            Bind(self.found, self.wrench),
             performed(
                 "tangents_of_values",
                 "Tangents of the tree's inverse dynamics, with the multipliers held.",
                 (Prepare(ADJOINT_TANGENTS, True), *(Run(along_name(s), True) for s in self.of_values)),
             ),
-            *solved(dforce, wrench),
+            *self._solved(dforce, self.wrench),
             performed(
-                "tangents_of_masses",
-                "Tangents of wrenches; tangents of M z + E^T y and E z at fixed z and y.",
-                (
-                    *(Run(along_name(s), True) for s in WITH_WRENCHES),
-                    *(Zero(a) for a in (of_mass, of_gaps)),
-                    *(Run(mass_name(s), True) for s in reversed(self.sweeps) if s in OF_MASS),
-                ),
+                "tangents_of_masses", "Tangents of wrenches, and of M z + E^T y and E z at fixed z and y.", masses
             ),
-            Combine(side, (), (of_mass,)),
+            Combine(self.side.tangent(), (), (of_mass,)),
             Combine(gap_side, (), (of_gaps,)),
-            Bind(self.right, side),
+            Bind(self.right, self.side.tangent()),
             Bind(self.gap_right, gap_side),
             Bind(self.dudot, dforce_bar),
             *RESPONSE,
             Bind(self.dudot, found_dudot),
-            back,
-            *solved(of_mass, dgaps[0]),
-            back,
-            *solved(dgu, dgaps[1]),
-            back,
-            *run_along("coordinate_forces"),
-            *solved(coordinates, dgaps[2]),
-            back,
-            *run_along("tangential_gradients"),
-            *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
+
+    @property
+    def wrench(self) -> Array:
+        """Tangents of the wrenches' multipliers."""
+        return self.multiplier.tangent("found_dmultiplier")
+
+    def _solved(self, of: Array, to: Array) -> list[Step]:
+        """Tangents of multipliers that balance tangents of forces along the dependent degrees of freedom."""
+        side = self.side.tangent()
+        solution = [Combine(side, (), (of,)), Bind(self.right, side), Bind(self.found, to), *MULTIPLIERS]
+        return [*solution, Bind(self.found, self.wrench)]
 
     def _dependent(self) -> list[tuple[int, ...]]:
         """Entries of coordinates and speeds that depend on others."""
