@@ -72,9 +72,11 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
                 inner = kept(step.routine.steps)
                 if inner:
                     found.append(Perform(replace(step.routine, steps=inner)))
+            elif isinstance(step, Single):
+                found.append(replace(step, steps=tuple(s for s in step.steps if lives(s))))
             elif isinstance(step, (Columns, IfAsked)):
                 found.append(replace(step, steps=kept(step.steps)))
-            elif isinstance(step, (AllColumns, Single)):
+            elif isinstance(step, AllColumns):
                 found.append(replace(step, steps=tuple(s for s in step.steps if lives(s))))
             else:
                 found.append(step)

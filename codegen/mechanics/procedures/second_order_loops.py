@@ -165,7 +165,7 @@ class WithLoops:
         dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
         gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
-        masses = (
+        masses: tuple[Step, ...] = (
             *(Run(along_name(s), True) for s in WITH_WRENCHES),
             *(Zero(a) for a in (of_mass, of_gaps)),
             *(Run(mass_name(s), True) for s in reversed(self.sweeps) if s in OF_MASS),
@@ -205,7 +205,7 @@ class WithLoops:
     def _solved(self, of: Array, to: Array) -> list[Step]:
         """Tangents of multipliers that balance tangents of forces along the dependent degrees of freedom."""
         side = self.side.tangent()
-        solution = [Combine(side, (), (of,)), Bind(self.right, side), Bind(self.found, to), *MULTIPLIERS]
+        solution: list[Step] = [Combine(side, (), (of,)), Bind(self.right, side), Bind(self.found, to), *MULTIPLIERS]
         return [*solution, Bind(self.found, self.wrench)]
 
     def _dependent(self) -> list[tuple[int, ...]]:
