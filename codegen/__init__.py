@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .design.optimizing import optimize
     from .design.sweep import Sweep, sweep
     from .design.variables import Variable
+    from .exporting.fmu.export import ExportedFMU, export_fmu
     from .exporting.plain_c import ExportedC, export_c
     from .generation import generate
     from .importing import Imported, from_mujoco, from_pinocchio, from_sympy, import_model
@@ -31,14 +32,15 @@ if TYPE_CHECKING:
     from .summary import Report
 
 __all__ = [
-    "ExportedC", "Fit", "Imported", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report",
-    "Solver", "Sweep", "Trajectory", "Variable", "__version__", "export_c", "fit", "from_mujoco", "from_pinocchio",
-    "from_sympy", "generate", "import_model", "load", "load_cases", "load_model", "load_trajectory", "objective",
-    "optimize", "parse_model", "report", "simulate_many", "sweep",
+    "ExportedC", "ExportedFMU", "Fit", "Imported", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions",
+    "Objective", "Report", "Solver", "Sweep", "Trajectory", "Variable", "__version__", "export_c", "export_fmu", "fit",
+    "from_mujoco", "from_pinocchio", "from_sympy", "generate", "import_model", "load", "load_cases", "load_model",
+    "load_trajectory", "objective", "optimize", "parse_model", "report", "simulate_many", "sweep",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary", "ExportedC": "exporting.plain_c", "export_c": "exporting.plain_c",
+    "ExportedFMU": "exporting.fmu.export", "export_fmu": "exporting.fmu.export",
     "Imported": "importing", "from_mujoco": "importing", "from_pinocchio": "importing", "from_sympy": "importing",
     "import_model": "importing",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",

@@ -45,6 +45,7 @@ def test_commands_that_are_named_exist(capsys):
         "bench",
         "equations",
         "statements",
+        "export",
     ):
         with pytest.raises(SystemExit):
             main([command, "--help"])

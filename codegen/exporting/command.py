@@ -15,36 +15,74 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", help="model file (YAML)")
     parser.add_argument("--c", action="store_true",
                         help="plain C99 for small machines: no heap, no variables, with a report of sizes")  # fmt: skip
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder to write (default: ./exported/NAME)")
-    parser.add_argument("--scalar", choices=("float64", "float32"), default="float64", help="type of all numbers")
-    parser.add_argument("--functions", metavar="NAME,...", help="the functions, if not all, as in generate")
+    parser.add_argument("--fmu", action="store_true",
+                        help="functional mock-up unit: Model Exchange and Co-Simulation, with source code")  # fmt: skip
+    parser.add_argument("-o", "--output", metavar="PATH",
+                        help="folder, or file of an FMU, to write (default: ./exported/NAME, ./exported/NAME.fmu)")  # fmt: skip
+    of_c = parser.add_argument_group("plain C")
+    of_c.add_argument("--scalar", choices=("float64", "float32"), help="type of all numbers (default: float64)")
+    of_c.add_argument("--functions", metavar="NAME,...", help="the functions, if not all, as in generate")
+    of_fmu = parser.add_argument_group("FMU")
+    of_fmu.add_argument("--fmi", choices=("3.0", "2.0"), help="version of the standard (default: 3.0)")
+    of_fmu.add_argument("--platforms", metavar="NAME,...",
+                        help="x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, aarch64-darwin; all, or none "
+                             "(default: this machine)")  # fmt: skip
+    of_fmu.add_argument("--method", choices=("dop853", "radau"), help="integrator of Co-Simulation (default: dop853)")
+    of_fmu.add_argument("--energies", action="store_true", help="add both energies to the outputs")
+    of_fmu.add_argument("--stop", type=float, metavar="SECONDS", help="end of the default experiment (default: 1)")
     add_force(parser)
 
 
 def run_export(options: argparse.Namespace, status: StatusLine) -> int:
-    """``ordernm export``: writes the folder, and prints the report of its functions."""
+    """``ordernm export``: writes the files, and prints a report."""
+    if options.c == options.fmu:
+        raise Failure("into what? give one of --c (plain C) and --fmu (functional mock-up unit)")
+    names = ("fmi", "platforms", "method", "energies", "stop") if options.c else ("scalar", "functions")
+    given = [f"--{n}" for n in names if getattr(options, n) not in (None, False)]
+    if given:
+        raise Failure(f"{given[0]} is an option of {'--fmu, not of --c' if options.c else '--c, not of --fmu'}")
+    lines = _plain_c(options, status) if options.c else _fmu(options, status)
+    status.close()
+    write_lines(lines, sys.stdout, ["bold"])
+    return OK
+
+
+def _fmu(options: argparse.Namespace, status: StatusLine) -> list[str]:
+    """Writes a functional mock-up unit; returns the report."""
+    from .fmu.binaries import PlatformError
+    from .fmu.export import export_fmu
+
+    given = {n: getattr(options, n) for n in ("fmi", "platforms", "method", "stop") if getattr(options, n) is not None}
+    if not 0.0 < given.get("stop", 1.0) < float("inf"):
+        raise Failure(f"--stop {options.stop}: expected a positive number of seconds")
+    try:
+        found = export_fmu(
+            options.model, options.output, energies=options.energies, force=options.force, progress=status, **given
+        )
+    except PlatformError as error:
+        raise Failure(str(error)) from None
+    return [repr(found), f"states: {', '.join(found.states)}"]
+
+
+def _plain_c(options: argparse.Namespace, status: StatusLine) -> list[str]:
+    """Writes a folder of plain C; returns the report of its functions."""
     from ..mechanics.procedures import UnknownFunctionError
     from .plain_c import export_c, table
 
-    if not options.c:
-        raise Failure("what shall it become? give --c for plain C")
     try:
         found = export_c(
-            options.model, options.output, functions=options.functions, scalar=options.scalar, force=options.force,
-            progress=status,
+            options.model, options.output, functions=options.functions, scalar=options.scalar or "float64",
+            force=options.force, progress=status,
         )  # fmt: skip
     except UnknownFunctionError as error:
         raise Failure(str(error)) from None
-    status.close()
     sizes = (
         f"code and stack by {found.compiler}" if found.compiler else "no C compiler, so code and stack are not measured"
     )
-    lines = [
+    return [
         f"{found.folder}: {len(found.files)} files; workspace {found.workspace} bytes; {sizes}",
         *table(found.functions),
     ]
-    write_lines(lines, sys.stdout, ["bold"])
-    return OK
 
 
 __all__ = ["add_export_arguments", "run_export"]

@@ -107,6 +107,7 @@ def results(solver, tmp_path_factory):
         "Diagnosis": solver.diagnose(q, u),
         "Ode": solver.ode(),
         "ExportedC": ordernm.export_c(model, folder / "c", functions="accelerations"),
+        "ExportedFMU": ordernm.export_fmu(model, folder / "model.fmu", platforms="none"),
         "Trajectory": run,
         "Crossing": run.events[0],
         "Objective": objective,
@@ -125,7 +126,7 @@ ARM = """<robot name="arm"><link name="base"/><link name="arm">
   <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
     <limit effort="1" velocity="1"/></joint></robot>"""
 
-TEXT_ONLY = {"ExportedC", "ModelBuilder", "Ode", "Variable", "optimum"}
+TEXT_ONLY = {"ExportedC", "ExportedFMU", "ModelBuilder", "Ode", "Variable", "optimum"}
 """Objects without HTML: three of one line, a table in text, and SciPy's."""
 
 

@@ -1,0 +1,1 @@
+"""Functional mock-up units: models for simulators that import FMI 3.0 or 2.0."""

@@ -1,0 +1,100 @@
+/* One instance of a functional mock-up unit (FMU), the same for both versions of the standard. fmi2.c and fmi3.c translate its calls.
+ *
+ * Variables have a value reference: time; all coordinates; all speeds; time derivatives of the independent coordinates and speeds;
+ * parameters; inputs; outputs; switching functions with held modes, in this order. */
+#ifndef ORDERNM_UNIT_H
+#define ORDERNM_UNIT_H
+
+#include "motion/inside.h"
+
+/* Content of a model, in NAME_fmu.c. */
+typedef struct {
+    const char *token;                /* the instantiation token of version 3.0, the GUID of version 2.0 */
+    const ordernm_system *system;
+    const scalar *q, *u, *p;          /* initial state with closed loops at the default parameters, and these parameters */
+    int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* the initial state of the model file, or 0 if it is constant */
+    const char *const *variables;     /* names by value reference */
+    const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
+    const char *const *switches;      /* descriptions of all switches */
+    int nindicators;                  /* number of switches with held modes */
+    int method;                       /* of the integrator */
+    scalar rtol;                      /* of the integrator, unless the importer gives a tolerance */
+} unit_model;
+
+extern const unit_model ordernm_unit_model;
+
+enum { UNIT_OK, UNIT_WARNING, UNIT_DISCARD, UNIT_ERROR };
+enum { INSTANTIATED, INITIALIZING, EVENT_MODE, CONTINUOUS_TIME, STEP_MODE, TERMINATED };
+enum { OF_TIME, OF_Q, OF_U, OF_RATE, OF_PARAMETER, OF_INPUT, OF_OUTPUT, OF_SWITCH, OF_NOTHING };
+
+typedef struct unit unit;
+struct unit {
+    const unit_model *model;
+    const ordernm_system *system;
+    int integrates;                   /* Co-Simulation */
+    void (*log)(unit *x, int status, const char *text);
+    void *environment, *callback;     /* of the importer */
+    char *instance;                   /* its name for the instance */
+    ordernm_problem problem;
+    ordernm_results results;
+    ordernm_motion *motion;
+    int nq, nu, np, ni, ny, ns, nfq, nfu; /* lengths */
+    long saved;                       /* number of doubles of the state of the instance, which starts at `mode` */
+    scalar *mode;                     /* INSTANTIATED, ... */
+    scalar *t, *step, *rtol;          /* time, size of the integrator's next step, its tolerance */
+    scalar *closed;                   /* whether the loops are closed */
+    scalar *given;                    /* [nfq + nfu] whether the importer has set an initial value */
+    scalar *q, *u, *p, *inputs;       /* dependent entries of q and u are those of the last closed state */
+    scalar *modes;                    /* [ns] held modes; 0 for actual branches */
+    scalar *known;                    /* [1 + nfq + np + ni] time, independent coordinates, parameters, inputs of the last closed state */
+    int computed;                     /* the following are those of the current state */
+    scalar *qdot, *udot, *outputs, *switches;
+    scalar *way, *near;               /* arguments and coordinates between the last closed state and the current one */
+    scalar *dq, *du, *dp, *di, *dt;   /* seeds or gradients */
+    scalar *dqdot, *dudot, *doutputs, *dfull_q, *dfull_u, *dswitches;
+    scalar *gradient[5];              /* sums of gradients by q, u, p, inputs, t */
+    scalar *atol, *points;            /* tolerances; control points of inputs during a step */
+    scalar knots[6], rows[2];
+    scalar *row;                      /* of results */
+    void *memory[2];
+};
+
+/* unit.c */
+unit *unit_new(int integrates, const char *instance, void (*log)(unit *x, int status, const char *text), void *environment, void *callback);
+void unit_free(unit *x);
+void unit_reset(unit *x);
+int unit_say(unit *x, int status, const char *format, ...);
+int unit_of(const unit *x, unsigned variable, int *index);
+const char *unit_name(const unit *x, unsigned variable);
+int unit_in(unit *x, const char *call, unsigned modes);
+int unit_start(unit *x, scalar t, scalar tolerance);
+int unit_started(unit *x);
+int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values);
+int unit_set(unit *x, const unsigned *variables, size_t n, const scalar *values);
+int unit_set_time(unit *x, scalar t);
+int unit_set_states(unit *x, const scalar *states, size_t n);
+int unit_get_states(unit *x, scalar *states, size_t n);
+int unit_get_rates(unit *x, scalar *rates, size_t n);
+int unit_get_indicators(unit *x, scalar *values, size_t n);
+int unit_events(unit *x);
+int unit_step(unit *x, scalar t, scalar h);
+size_t unit_saved_bytes(const unit *x);
+int unit_save(unit *x, void **saved);
+int unit_restore(unit *x, const void *saved);
+int unit_read(unit *x, const unsigned char *bytes, size_t n, void **saved);
+int unit_write(unit *x, const void *saved, unsigned char *bytes, size_t n);
+
+/* unit_state.c */
+void unit_change(unit *x);
+int unit_update(unit *x);
+int unit_settle(unit *x);
+void unit_arguments(unit *x, ordernm_call *c);
+int unit_failed(unit *x, int status);
+
+/* unit_derivatives.c */
+int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
+    scalar *result);
+int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
+    scalar *result);
+
+#endif

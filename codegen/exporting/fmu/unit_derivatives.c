@@ -1,0 +1,152 @@
+/* Derivatives of all variables with respect to states, inputs, parameters and time, with loops that stay closed. */
+#include "unit.h"
+
+#include <string.h>
+
+static const char NOT_KNOWN[] = "there are no derivatives with respect to %s, only with respect to independent coordinates and speeds, "
+                                "parameters, inputs and time";
+
+/* The place of a known variable among seeds by q, u, p, inputs, t; 0 if it is none. */
+static scalar *place_of(const unit *x, unsigned variable, scalar *const *of)
+{
+    int k, found = 0;
+    const int kind = unit_of(x, variable, &k);
+    if (kind == OF_TIME || kind == OF_PARAMETER || kind == OF_INPUT) return of[kind == OF_TIME ? 4 : kind == OF_PARAMETER ? 2 : 3] + k;
+    if (kind != OF_Q && kind != OF_U) return 0;
+    const int n = kind == OF_Q ? x->nfq : x->nfu;
+    for (int i = 0; i < n; ++i) found |= (kind == OF_Q ? x->system->free_q : x->system->free_u)[i] == k;
+    return found ? of[kind == OF_Q ? 0 : 1] + k : 0;
+}
+
+static void clear(const unit *x, scalar *const *of)
+{
+    const int sizes[] = {x->nq, x->nu, x->np, x->ni, 1};
+    for (int n = 0; n < 5; ++n) memset(of[n], 0, sizes[n]*sizeof(scalar));
+}
+
+/* Which kinds of variables are unknowns, a bit for each; 0 after an error. */
+static unsigned kinds_of(unit *x, const unsigned *unknowns, size_t n)
+{
+    unsigned found = 0;
+    for (size_t i = 0; i < n; ++i) {
+        int k;
+        const int kind = unit_of(x, unknowns[i], &k);
+        if (kind == OF_NOTHING || kind == OF_TIME || kind == OF_PARAMETER || kind == OF_INPUT) {
+            unit_say(x, UNIT_ERROR, "%s has no derivatives, only coordinates, speeds, their time derivatives, outputs and event indicators",
+                unit_name(x, unknowns[i]));
+            return 0;
+        }
+        found |= 1u << kind;
+    }
+    return found | 1u << OF_NOTHING;
+}
+
+/* Derivatives of all unknowns along the seeds. Returns the status of a function. */
+static int differentiate(unit *x, ordernm_call *c, unsigned kinds)
+{
+    const ordernm_system *const s = x->system;
+    int status = 0;
+    scalar *const dq = c->dq, *const du = c->du;
+    c->dqdot = x->dqdot, c->dudot = x->dudot, c->doutputs = x->doutputs, c->dswitches = x->dswitches;
+    c->dfull_q = x->dfull_q, c->dfull_u = x->dfull_u;
+    if (kinds & 1u << OF_RATE) status = s->state_rate_sensitivities[ORDERNM_ONE](c);
+    if (!status && kinds & 1u << OF_OUTPUT) status = s->output_sensitivities[ORDERNM_ONE](c);
+    if (!status && kinds & 1u << OF_SWITCH) status = s->switch_sensitivities[ORDERNM_ONE](c);
+    if (status || !(kinds & (1u << OF_Q | 1u << OF_U))) return status;
+    if (s->completion_sensitivities[ORDERNM_ONE]) return s->completion_sensitivities[ORDERNM_ONE](c);
+    memcpy(x->dfull_q, dq, x->nq*sizeof(scalar));
+    memcpy(x->dfull_u, du, x->nu*sizeof(scalar));
+    return 0;
+}
+
+/* The place of an unknown among derivatives, or weights, of rates, outputs, coordinates and speeds. */
+static scalar *unknown_of(const unit *x, unsigned variable)
+{
+    const ordernm_system *const s = x->system;
+    int k;
+    switch (unit_of(x, variable, &k)) {
+    case OF_Q: return x->dfull_q + k;
+    case OF_U: return x->dfull_u + k;
+    case OF_RATE: return k < x->nfq ? x->dqdot + s->free_q[k] : x->dudot + s->free_u[k - x->nfq];
+    case OF_OUTPUT: return x->doutputs + k;
+    default: return x->dswitches + x->motion->held[k];
+    }
+}
+
+/* result = d unknowns/d knowns * seed. */
+int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
+    scalar *result)
+{
+    scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
+    ordernm_call c;
+    int status = unit_update(x);
+    if (status) return status;
+    const unsigned kinds = kinds_of(x, unknowns, nunknowns);
+    if (!kinds) return UNIT_ERROR;
+    clear(x, of);
+    for (size_t i = 0; i < nknowns; ++i) {
+        scalar *const to = place_of(x, knowns[i], of);
+        if (!to) return unit_say(x, UNIT_ERROR, NOT_KNOWN, unit_name(x, knowns[i]));
+        *to += seed[i];
+    }
+    unit_arguments(x, &c);
+    if ((status = differentiate(x, &c, kinds))) return unit_failed(x, status);
+    for (size_t i = 0; i < nunknowns; ++i) result[i] = *unknown_of(x, unknowns[i]);
+    return UNIT_OK;
+}
+
+/* Calls a transpose, and adds its gradients to the sums. */
+static int add(unit *x, ordernm_call *c, ordernm_function *function)
+{
+    scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
+    const int sizes[] = {x->nq, x->nu, x->np, x->ni, 1};
+    clear(x, of);
+    const int status = function(c);
+    for (int n = 0; n < 5; ++n)
+        for (int i = 0; i < sizes[n]; ++i) x->gradient[n][i] += of[n][i];
+    return status;
+}
+
+/* Gradients of the weighted sum of unknowns. Returns the status of a function. */
+static int transpose(unit *x, ordernm_call *c, unsigned kinds)
+{
+    const ordernm_system *const s = x->system;
+    int status = 0;
+    c->dqdot = x->dqdot, c->dudot = x->dudot, c->doutputs = x->doutputs, c->dswitches = x->dswitches;
+    c->dfull_q = x->dfull_q, c->dfull_u = x->dfull_u;
+    if (kinds & 1u << OF_RATE) {
+        status = add(x, c, s->sensitivities_transposed[ORDERNM_ONE]);
+        if (s->plain_rates)
+            for (int i = 0; i < x->nq; ++i) x->gradient[1][i] += x->dqdot[i];
+        else if (!status) status = add(x, c, s->coordinate_rate_sensitivities_transposed[ORDERNM_ONE]);
+    }
+    if (!status && kinds & 1u << OF_OUTPUT) status = add(x, c, s->output_sensitivities_transposed[ORDERNM_ONE]);
+    if (!status && kinds & 1u << OF_SWITCH) status = add(x, c, s->switch_sensitivities_transposed[ORDERNM_ONE]);
+    if (status || !(kinds & (1u << OF_Q | 1u << OF_U))) return status;
+    if (s->completion_sensitivities_transposed[ORDERNM_ONE]) return add(x, c, s->completion_sensitivities_transposed[ORDERNM_ONE]);
+    for (int i = 0; i < x->nq; ++i) x->gradient[0][i] += x->dfull_q[i];
+    for (int i = 0; i < x->nu; ++i) x->gradient[1][i] += x->dfull_u[i];
+    return 0;
+}
+
+/* result = seed^T * d unknowns/d knowns. */
+int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
+    scalar *result)
+{
+    ordernm_call c;
+    int status = unit_update(x);
+    if (status) return status;
+    const unsigned kinds = kinds_of(x, unknowns, nunknowns);
+    if (!kinds) return UNIT_ERROR;
+    for (size_t i = 0; i < nknowns; ++i)
+        if (!place_of(x, knowns[i], x->gradient)) return unit_say(x, UNIT_ERROR, NOT_KNOWN, unit_name(x, knowns[i]));
+    scalar *const weights[] = {x->dfull_q, x->dqdot, x->dfull_u, x->dudot, x->doutputs, x->dswitches};
+    const int sizes[] = {x->nq, x->nq, x->nu, x->nu, x->ny, x->ns};
+    for (int n = 0; n < 6; ++n) memset(weights[n], 0, sizes[n]*sizeof(scalar));
+    for (size_t i = 0; i < nunknowns; ++i) *unknown_of(x, unknowns[i]) += seed[i];
+    clear(x, x->gradient);
+    unit_arguments(x, &c);
+    if ((status = transpose(x, &c, kinds))) return unit_failed(x, status);
+    for (size_t i = 0; i < nknowns; ++i) result[i] = *place_of(x, knowns[i], x->gradient);
+    return UNIT_OK;
+}

@@ -1,0 +1,162 @@
+/* The state of an instance: closing loops, and values of all variables. */
+#include "unit.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Longest way of independent coordinates, in rad or m, and of parameters, relative, over which Newton's method follows a mechanism at
+ * once; and the largest number of such steps. */
+static const scalar AT_ONCE = 0.1;
+enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
+
+static const char OPEN[] = "the loops cannot be closed: Newton's method does not converge. The mechanism may be at the end of its reach, or "
+                           "at a configuration where its dependent coordinates are not determined";
+
+/* Logs why a function of the system failed. */
+int unit_failed(unit *x, int status)
+{
+    if (status < 0) return unit_say(x, UNIT_ERROR, "at t = %.9g s %s", *x->t, OPEN);
+    int known = 0;
+    while (x->model->singular[known]) ++known;
+    return unit_say(x, UNIT_ERROR, "at t = %.9g s %s is singular: a joint without inertia, a loop that has lost rank, or a force without "
+                    "direction", *x->t, status >= 1 && status <= known ? x->model->singular[status - 1] : "the model");
+}
+
+/* Arguments between the last closed state and the current one. */
+static void take_way(unit *x, scalar part)
+{
+    const ordernm_system *const s = x->system;
+    const scalar *const known = x->known;
+    scalar *way = x->way;
+    const scalar *wanted[] = {x->t, 0, x->p, x->inputs};
+    const int sizes[] = {1, x->nfq, x->np, x->ni};
+    for (int n = 0, at = 0; n < 4; at += sizes[n++])
+        for (int i = 0; i < sizes[n]; ++i) {
+            const scalar to = n == 1 ? x->q[s->free_q[i]] : wanted[n][i];
+            way[at + i] = part < 1.0 ? known[at + i] + part*(to - known[at + i]) : to;
+        }
+}
+
+/* Arguments of functions at x->way; m->z receives the state with the dependent coordinates x->near. */
+static void arguments(unit *x, ordernm_call *c)
+{
+    const ordernm_system *const s = x->system;
+    ordernm_motion *const m = x->motion;
+    for (int i = 0; i < x->nfq; ++i) m->z[i] = x->way[1 + i];
+    for (int i = 0; i < x->nfu; ++i) m->z[x->nfq + i] = x->u[s->free_u[i]];
+    for (int i = 0; i < m->nd; ++i) m->z[m->ny + m->nx + i] = x->near[m->dependent[i]];
+    memcpy(m->modes, x->modes, x->ns*sizeof(scalar));
+    m->p = x->way + 1 + x->nfq;
+    ordernm_arguments(m, x->way[0], m->z, c);
+    c->inputs = x->way + 1 + x->nfq + x->np;
+}
+
+static int close_at(unit *x, scalar part, ordernm_call *c)
+{
+    take_way(x, part);
+    arguments(x, c);
+    const int status = ordernm_close_loops(x->motion, c);
+    if (!status && !x->motion->identity) memcpy(x->near, x->motion->q, x->nq*sizeof(scalar));
+    return status;
+}
+
+static int number_of_steps(const unit *x)
+{
+    scalar longest = 0.0;
+    for (int i = 1; i < 1 + x->nfq + x->np; ++i) {
+        const scalar scale = i <= x->nfq ? 1.0 : fabs(x->known[i]) + AT_ONCE;
+        longest = fmax(longest, fabs(x->way[i] - x->known[i])/scale);
+    }
+    return (int)fmin(1.0 + longest/AT_ONCE, MOST_STEPS);
+}
+
+/* Closes the loops of the current state. The mechanism is followed from the last closed state, so that it stays on its branch. */
+static int close_loops(unit *x, ordernm_call *c)
+{
+    memcpy(x->near, x->q, x->nq*sizeof(scalar));
+    if (x->motion->identity) return close_at(x, 1.0, c);
+    take_way(x, 1.0);
+    scalar done = 0.0, step = 1.0/number_of_steps(x);
+    const scalar least = step/(1 << MOST_HALVES);
+    while (done < 1.0) {
+        const scalar next = done + step < 1.0 - 1e-9 ? done + step : 1.0;
+        const int status = close_at(x, next, c);
+        if (!status) done = next;
+        else if ((step *= 0.5) < least) return status;
+    }
+    return 0;
+}
+
+/* Arguments of functions at the current state, after unit_update. */
+void unit_arguments(unit *x, ordernm_call *c)
+{
+    memcpy(x->near, x->q, x->nq*sizeof(scalar));
+    take_way(x, 1.0);
+    arguments(x, c);
+    c->dq = x->dq, c->du = x->du, c->dp = x->dp, c->dinputs = x->di, c->dt = x->dt;
+    c->qdot = x->qdot, c->udot = x->udot, c->outputs = x->outputs, c->switches = x->switches;
+    c->full_u = x->motion->qdot;
+}
+
+/* Until initialisation ends, initial values that the importer has not set follow from the parameters. */
+static int take_initial(unit *x)
+{
+    const ordernm_system *const s = x->system;
+    if (!x->model->initial || *x->mode > INITIALIZING) return 0;
+    const int status = x->model->initial(x->p, x->near, x->dfull_u, x->motion->work);
+    if (status) return status;
+    for (int i = 0; i < x->nfq; ++i)
+        if (x->given[i] == 0.0) x->q[s->free_q[i]] = x->near[s->free_q[i]];
+    for (int i = 0; i < x->nfu; ++i)
+        if (x->given[x->nfq + i] == 0.0) x->u[s->free_u[i]] = x->dfull_u[s->free_u[i]];
+    return 0;
+}
+
+/* The state has changed. */
+void unit_change(unit *x)
+{
+    x->computed = 0;
+    *x->closed = 0.0;
+}
+
+/* Computes all variables at the current state. */
+int unit_update(unit *x)
+{
+    if (x->computed) return UNIT_OK;
+    const ordernm_system *const s = x->system;
+    ordernm_call c;
+    int status = take_initial(x);
+    if (status) return unit_failed(x, status);
+    if (*x->closed != 0.0) unit_arguments(x, &c); /* closing them again would change the last bits */
+    else if ((status = close_loops(x, &c))) return unit_failed(x, status);
+    *x->closed = 1.0;
+    memcpy(x->known, x->way, (1 + x->nfq + x->np + x->ni)*sizeof(scalar));
+    for (int i = 0; i < x->motion->nd; ++i) x->q[x->motion->dependent[i]] = x->motion->q[x->motion->dependent[i]];
+    if (s->completion) {
+        c.full_u = x->dfull_u;
+        if ((status = s->completion(&c))) return unit_failed(x, status);
+        scalar *const u = x->dfull_u;
+        for (int i = 0; i < x->nfu; ++i) u[s->free_u[i]] = x->u[s->free_u[i]];
+        memcpy(x->u, u, x->nu*sizeof(scalar));
+    }
+    c.qdot = x->qdot, c.udot = x->udot, c.outputs = x->outputs, c.switches = x->switches;
+    if ((status = s->state_rates(&c))) return unit_failed(x, status);
+    if (s->outputs && (status = s->outputs(&c))) return unit_failed(x, status);
+    if (s->switches && (status = s->switches(&c))) return unit_failed(x, status);
+    x->computed = 1;
+    return UNIT_OK;
+}
+
+/* Chooses the modes of the current state; after unit_update. Returns 0, the status of a function, or SLIDES. */
+int unit_settle(unit *x)
+{
+    ordernm_motion *const m = x->motion;
+    ordernm_call c;
+    if (!m->nheld) return 0;
+    unit_arguments(x, &c);
+    ordernm_find_segment(m, *x->t, 1e-12*(1.0 + fabs(*x->t)));
+    const int status = ordernm_choose_modes(m, *x->t, m->z);
+    if (!status) memcpy(x->modes, m->modes, x->ns*sizeof(scalar));
+    unit_change(x);
+    return status;
+}
