@@ -34,6 +34,7 @@ FUNCTIONS = [
     for module, names in {
         "generation": "generate", "summary": "Report", "reporting.measuring": "report",
         "exporting.plain_c": "ExportedC export_c",
+        "exporting.fmu.export": "ExportedFMU export_fmu",
         "model.loading": "load_model parse_model", "model.builder": "ModelBuilder",
         "importing.importer": "Imported import_model from_mujoco from_pinocchio",
         "runtime.loading": "load load_trajectory",

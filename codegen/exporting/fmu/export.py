@@ -57,7 +57,7 @@ class ExportedFMU:
     >>> import ordernm, tempfile
     >>> found = ordernm.export_fmu("examples/pendulum.yaml", tempfile.mkdtemp() + "/pendulum.fmu", platforms="none")
     >>> found.states
-    ('q.arm', 'u.arm')
+    ('q.bar', 'u.bar')
     """
 
     file: Path
