@@ -18,10 +18,10 @@ from functools import partial
 
 from ..program import algebra
 from ..program.algebra import Expr, Symbol
-from ..program.block import Block, Component, Expansion
+from ..program.block import Block, Component, Expansion, Statement
 from ..program.derivatives import Tangents, of_symbols
-from ..program.passes import drop_dead, simplify
-from ..program.second_order import Primitives, adjoint, along
+from ..program.passes import drop_dead, propagate_copies, simplify
+from ..program.second_order import Primitives, adjoint, along, transpose
 from ..program.shape import Shape
 from ..program.store import SHAPE, Memory, Store
 from ..records import dataclass
@@ -103,7 +103,7 @@ from .stores import (
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, LinkKind, UnitKind
 from .structure.system import System
-from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, mass_name
+from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, back_name, mass_name
 
 TANGENTS = {
     COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
@@ -177,6 +177,15 @@ def adjoint_of(store: Store) -> Store:
     return found
 
 
+def _along_of_adjoint(store: Store) -> Store:
+    """The store of the tangents of the adjoints of a store of tangents."""
+    if store.memory is TANGENT:
+        return _in(ADJOINT_LANE, store)
+    found = _found(ADJOINT_TANGENTS, adjoint_of(store))
+    assert found is not None, store
+    return found
+
+
 def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
     """The place of the tangent of a value or of an adjoint."""
     if store.memory is ADJOINT:
@@ -245,6 +254,7 @@ class SecondOrder:
         """Adjoints that are arrays and are read."""
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
+        self.transposes: dict[tuple[str, int], Block] = {}
         self.dropped = () if loops else (DUDOT_BAR,)
         self.unread = () if loops else (DFORCE,)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
@@ -276,6 +286,11 @@ class SecondOrder:
                     return store.memory is not TANGENT or not read.isdisjoint(self._places(kind, sweep, store, n))
 
                 found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT or a not in self.unread)
+                if back_name(name) in self.wanted:
+                    title = SWEEP[back_name(name)].title
+                    found.setdefault(back_name(name), {})[k] = transpose(
+                        tangent, f"{back_name(name)}_{k}", title, _along_of_adjoint, wanted
+                    )
                 if adjoint_name(name) not in self.wanted:
                     continue
                 back = adjoint(
@@ -286,7 +301,38 @@ class SecondOrder:
                 found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or _base(a) in self.solved)
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: _base(a) not in self.dropped)
+        self._drop_zeros(found)
         return found
+
+    def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
+        """Drop what is zero in transposes of tangents: adjoints that none of these blocks stores."""
+        nonzero: set[Place] = set()
+        known = -1
+        transposes = [(s, k) for s in reversed(self.sweeps) for k in self._kinds(s) if back_name(s.name) in found]
+        while known != len(nonzero):
+            known = len(nonzero)
+            for sweep, kind in transposes:
+                block = found[back_name(sweep.name)][kind.index]
+                zeros = {
+                    s
+                    for s, (a, n) in block.loads.items()
+                    if (a.memory is ADJOINT_LANE and nonzero.isdisjoint(self._places(kind, sweep, a, n)))
+                    or _base(a) in self.solved
+                }
+                zero = [Statement(s, algebra.ZERO) for s in sorted(zeros, key=str)]
+                loads = {s: at for s, at in block.loads.items() if s not in zeros}
+                made = propagate_copies(
+                    Block(block.name, block.title, loads, [*zero, *block.statements], list(block.stores))
+                )
+                made.stores = [
+                    (a, n, e) for a, n, e in made.stores if e is not algebra.ZERO and _base(a.plain) not in self.solved
+                ]
+                for store, n, _ in made.stores:
+                    if store.memory is ADJOINT_LANE:
+                        nonzero |= self._places(kind, sweep, store.plain, n)
+                self.transposes[back_name(sweep.name), kind.index] = drop_dead(made)
+        for (name, k), block in self.transposes.items():
+            found[name][k] = block
 
     def _kinds(self, sweep: Sweep) -> list[UnitKind]:
         return [k for k in sweep.kinds(self.system) if k.index in self.originals[sweep.name]]

@@ -340,6 +340,11 @@ def mass_name(sweep: str) -> str:
     return f"{sweep}_mass_along"
 
 
+def back_name(sweep: str) -> str:
+    """Name of the transpose of a sweep's tangent."""
+    return f"{sweep}_back"
+
+
 def _twice() -> list[Sweep]:
     """The sweeps that `second_order` derives from others: all tangents, then all adjoints with their tangents."""
     found = [SWEEP[name] for name in DIFFERENTIATED_TWICE]
@@ -351,6 +356,9 @@ def _twice() -> list[Sweep]:
         adjoints.append(replace(turned, name=name, title=title))
         for of in (mass_name(s.name), along_name(name)):
             adjoints.append(replace(turned, name=of, title=f"tangent of the {title}", lanes=True))
+        adjoints.append(
+            replace(turned, name=back_name(s.name), title=f"transpose of the tangent of {s.title}", lanes=True)
+        )
     return [*tangents, *adjoints]
 
 

@@ -131,6 +131,20 @@ def adjoint(
     wanted : callable (Store, str) -> bool
         Returns whether the adjoint of a stored component can differ from zero.
     """
+    found = transpose(block, name, title, place, wanted)
+    return Block(
+        name,
+        title,
+        found.loads,
+        [Statement(s.target, s.expression, s.tag) for s in found.statements],
+        found.stores,
+    )
+
+
+def transpose(
+    block: Block, name: str, title: str, place: Callable[[Store], Store], wanted: Callable[[Store, str], bool]
+) -> Block:
+    """The transpose of a tangent for adjoints that have one value per direction; see `adjoint`."""
     stores = [s for s in block.stores if wanted(s[0].plain, s[1])]
     found = transposed(Block(block.name, block.title, block.loads, block.statements, stores), name, title)
     for store, component, _ in found.stores:
@@ -139,6 +153,6 @@ def adjoint(
         name,
         title,
         {s: (place(a) if a.lanes else a, n) for s, (a, n) in found.loads.items()},
-        [Statement(s.target, s.expression, s.tag) for s in found.statements],
+        found.statements,
         [(place(a.plain).sum if a.lanes else a, n, e) for a, n, e in found.stores],
     )

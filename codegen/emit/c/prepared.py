@@ -120,13 +120,13 @@ class CPrepared(CMemory):
             lines.append(f"EACH_VECTOR a->tangents[LINKS].{identifier(name)}.at[h] = {text};")
         return lines
 
-    def ground_twice(self) -> list[str]:
+    def ground_twice(self, of_values: bool) -> list[str]:
         """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""
         lines = []
         for name, first, second in self.plan.ground.twice:
             along, value = f"a->adjoint_tangents[LINKS].{identifier(name)}", f"a->adjoints[LINKS].{identifier(name)}"
             terms = [(p, f"{self._gravity(factor)}*{along}.at[h]") for factor, p in first]
-            terms += [(p, f"{self._gravity(factor)}*{value}*a->dp[{k}].at[h]") for factor, p, k in second]
+            terms += [(p, f"{self._gravity(factor)}*{value}*a->dp[{k}].at[h]") for factor, p, k in second if of_values]
             lines += [f"EACH_VECTOR a->dgp[{p}].at[h] += {text};" for p, text in terms]
         return lines
 
@@ -193,8 +193,8 @@ class CPrepared(CMemory):
                 return [*self.no_tangents(), *self.ground_along()]
             case procedures.ADJOINT_TANGENTS_AGAIN:
                 return self.no_tangents(("adjoint_tangents",))
-            case procedures.GROUND_TWICE:
-                return self.ground_twice()
+            case procedures.GROUND_TWICE | procedures.GROUND_AGAIN:
+                return self.ground_twice(what == procedures.GROUND_TWICE)
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
                     f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_TANGENTS_AGAIN,
     ADJOINT_VALUES,
+    GROUND_AGAIN,
     GROUND_TWICE,
     Array,
     Bind,
@@ -23,7 +25,7 @@ from ...program.procedure import (
     ZeroEntries,
 )
 from ..quantities import run
-from ..sweeps import adjoint_name, along_name, mass_name
+from ..sweeps import adjoint_name, along_name, back_name, mass_name
 from .shared import Shared, performed
 
 MULTIPLIERS = run("multipliers_out", "multipliers_in")
@@ -76,7 +78,7 @@ class WithLoops:
         force_bar, nothing = self.force.called("force_bar"), self.multiplier.called("no_gap")
         first, second = self.multiplier.called("multipliers_of_b"), self.multiplier.called("multipliers_of_mass")
         owned = [self.multiplier, nothing, *self.gaps, first, second]
-        back = self._performed_back()
+        of_speeds = {"clear", "loads", "velocities", *OF_MASS}
         acceleration_gap, rate_gap, gap = self.gaps
         of_formulas = self._formula_gradients()
         return [
@@ -94,17 +96,17 @@ class WithLoops:
             performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
             Own(force_bar),
             Combine(force_bar, (), (virtual,)),
-            back,
+            self._back("udot", ("tree_forces", "tree_motion")),
             Single(MULTIPLIERS, ((self.right, self.udot_bar),), ((self.found, second),)),
             Combine(acceleration_gap, (), (first, second)),
-            back,
+            self._back("speeds", of_speeds),
             *of_formulas,
             *self._single(self.gu, rate_gap),
-            back,
+            self._back("coordinates", [s for s in self.sweeps if s != "gaps"]),
             *self._add_formulas(),
             *run("coordinate_forces"),
             *self._single(self.along_coordinates, gap),
-            back,
+            self._back("", self.sweeps),
             *self._add_formulas(),
         ]
 
@@ -112,11 +114,14 @@ class WithLoops:
         """Multipliers that balance the forces `of` along the dependent degrees of freedom."""
         return [Combine(self.side, (), (of,)), Single(MULTIPLIERS, ((self.right, self.side),), ((self.found, to),))]
 
-    def _performed_back(self) -> Perform:
-        back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps))
+    def _back(self, which: str, sweeps: Iterable[str]) -> Perform:
+        """Adjoints for the multipliers that are known, as far as the next multipliers need them."""
+        chosen = set(sweeps)
+        back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in chosen)
         zero = tuple(Zero(a) for a in (*self.zero, *self.bars))
-        doc = "Adjoints of the inverse dynamics and of the loops' conditions, for the multipliers that are known."
-        return performed("adjoints_of_values", doc, (*zero, Prepare(ADJOINT_VALUES), *back))
+        doc = f"Adjoints of the inverse dynamics and of the loops' conditions{which and f', up to {which}'}."
+        name = f"adjoints_of_{which or 'values'}"
+        return performed(name, doc, (*zero, Prepare(ADJOINT_VALUES), *back))
 
     def _formula_gradients(self) -> list[Step]:
         """Gradients that joint forces contribute by coordinates and speeds; added to the others."""
@@ -143,20 +148,29 @@ class WithLoops:
         """Tangents of all multipliers and adjoints: the change of the gradient."""
         of_mass, dgaps = self.udot_bar.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
-        back, coordinates = self._back_along(gradient), self.along_coordinates.tangent()
+        coordinates = self.along_coordinates.tangent()
+        rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.w.forces)
         return [
             *self._tangents(),
-            back,
+            self._back_along(gradient),
             *self._solved(of_mass, dgaps[0]),
-            back,
+            self._added("accelerations", "acceleration_gaps", "tree_motion", "velocities", "pose", "rotations"),
             *self._solved(dgu, dgaps[1]),
-            back,
+            self._added("velocities", "rate_gaps", "velocities", "pose", "rotations"),
             *run_along("coordinate_forces"),
             *self._solved(coordinates, dgaps[2]),
-            back,
+            self._added("positions", "gaps", "pose", "rotations"),
+            *rest,
             *run_along("tangential_gradients"),
             *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
+
+    def _added(self, of: str, *sweeps: str) -> Perform:
+        """Add the effect of the multipliers of one sort of conditions."""
+        back = (Run(back_name(s), True) for s in sweeps if s in self.sweeps)
+        steps: tuple[Step, ...] = (Prepare(ADJOINT_TANGENTS_AGAIN, True), *back, Prepare(GROUND_AGAIN, True))
+        doc = f"Adds the change of the gradient with the multipliers of conditions on {of}."
+        return performed(f"multipliers_of_{of}", doc, steps)
 
     def _tangents(self) -> list[Step]:
         """Tangents of values, of the wrenches, and of the virtual motion."""
@@ -221,9 +235,9 @@ class WithLoops:
             Prepare(ADJOINT_TANGENTS_AGAIN, True),
             *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
             Prepare(GROUND_TWICE, True),
-            *(replace(f, lanes=True, twice=True) for f in self.formulas),
+            *(replace(f, lanes=True, twice=True) for f in self.w.forces),
         )
-        doc = "Tangents of the adjoints: the change of the gradient for the tangents of multipliers that are known."
+        doc = "Tangents of the adjoints with the multipliers of the conditions held: the change of the gradient."
         return performed("tangents_of_adjoints", doc, steps)
 
 
