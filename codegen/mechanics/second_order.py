@@ -19,11 +19,11 @@ from functools import partial
 from ..program import algebra
 from ..program.algebra import Expr, Symbol
 from ..program.block import Block, Component, Expansion, Statement
-from ..program.derivatives import Tangents, of_symbols
-from ..program.passes import drop_dead, propagate_copies, simplify
+from ..program.derivatives import of_symbols
+from ..program.passes import drop_dead, propagate_copies
 from ..program.second_order import Primitives, adjoint, along, transpose
-from ..program.shape import Shape
-from ..program.store import SHAPE, Memory, Store
+from ..program.store import Memory, Store
+from ..program.transpose import always
 from ..records import dataclass
 from .patterns import GROUND_KIND, Patterns, Place
 from .stores import (
@@ -258,7 +258,7 @@ class SecondOrder:
         self.dropped = () if loops else (DUDOT_BAR,)
         self.unread = () if loops else (DFORCE,)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
-        """Tangents that can differ from zero."""
+        """Tangents and adjoints that can differ from zero."""
 
     def blocks(self) -> dict[str, dict[int, Block]]:
         """The blocks by sweep and kind."""
@@ -268,12 +268,8 @@ class SecondOrder:
             known = len(self.nonzero)
             for sweep in self.sweeps:
                 tangents[sweep.name] = {k.index: self._tangent(sweep, k) for k in self._kinds(sweep)}
-        read: set[Place] = set()
-        for sweep in self.sweeps:
-            for kind in self._kinds(sweep):
-                for a, n in tangents[sweep.name][kind.index].loads.values():
-                    if a.memory is TANGENT:
-                        read.update(self._places(kind, sweep, a, n))
+        read = self._read_by_tangents(tangents)
+        backs = self._adjoints(read)
         found: dict[str, dict[int, Block]] = {}
         for sweep in self.sweeps:
             name = sweep.name
@@ -281,21 +277,15 @@ class SecondOrder:
                 found[made] = {}
             for kind in self._kinds(sweep):
                 k, tangent = kind.index, tangents[name][kind.index]
-
-                def wanted(store: Store, n: str, kind: UnitKind = kind, sweep: Sweep = sweep) -> bool:
-                    return store.memory is not TANGENT or not read.isdisjoint(self._places(kind, sweep, store, n))
-
                 found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT or a not in self.unread)
                 if back_name(name) in self.wanted:
                     title = SWEEP[back_name(name)].title
                     found.setdefault(back_name(name), {})[k] = transpose(
-                        tangent, f"{back_name(name)}_{k}", title, _along_of_adjoint, wanted
+                        read[name][k], f"{back_name(name)}_{k}", title, _along_of_adjoint, always
                     )
                 if adjoint_name(name) not in self.wanted:
                     continue
-                back = adjoint(
-                    tangent, f"{adjoint_name(name)}_{k}", SWEEP[adjoint_name(name)].title, adjoint_of, wanted
-                )
+                back = backs[name][k]
                 found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or _base(a) in self.read)
                 mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
                 found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or _base(a) in self.solved)
@@ -334,6 +324,51 @@ class SecondOrder:
         for (name, k), block in self.transposes.items():
             found[name][k] = block
 
+    def _read_by_tangents(self, tangents: dict[str, dict[int, Block]]) -> dict[str, dict[int, Block]]:
+        """The tangents without stores on which no result of any tangent depends; these have no adjoints."""
+        of = [(s, k, tangents[s.name][k.index]) for s in reversed(self.sweeps) for k in reversed(self._kinds(s))]
+        found: dict[str, dict[int, Block]] = {s.name: {} for s in self.sweeps}
+        read: set[Place] = set()
+        known = -1
+        while known != len(read):
+            known = len(read)
+            for sweep, kind, block in of:
+                stores = [
+                    (a, n, e)
+                    for a, n, e in block.stores
+                    if a.memory is not TANGENT or not read.isdisjoint(self._places(kind, sweep, a.plain, n))
+                ]
+                kept = drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
+                found[sweep.name][kind.index] = kept
+                for a, n in kept.loads.values():
+                    if a.memory is TANGENT:
+                        read |= self._places(kind, sweep, a, n)
+        return found
+
+    def _adjoints(self, tangents: dict[str, dict[int, Block]]) -> dict[str, dict[int, Block]]:
+        """The adjoints of all blocks; notes which components can differ from zero."""
+        found: dict[str, dict[int, Block]] = {s.name: {} for s in self.sweeps}
+        known = -1
+        while known != len(self.nonzero):
+            known = len(self.nonzero)
+            for sweep in reversed([s for s in self.sweeps if adjoint_name(s.name) in self.wanted]):
+                for kind in self._kinds(sweep):
+                    found[sweep.name][kind.index] = self._adjoint(sweep, kind, tangents[sweep.name][kind.index])
+        return found
+
+    def _adjoint(self, sweep: Sweep, kind: UnitKind, tangent: Block) -> Block:
+        def nonzero(store: Store, name: str) -> bool:
+            return store.memory is not TANGENT or not self.nonzero.isdisjoint(
+                self._places(kind, sweep, adjoint_of(store), name)
+            )
+
+        made = adjoint_name(sweep.name)
+        found = adjoint(tangent, f"{made}_{kind.index}", SWEEP[made].title, adjoint_of, nonzero)
+        for store, name, e in found.stores:
+            if store.memory is ADJOINT and e is not algebra.ZERO:
+                self.nonzero |= self._places(kind, sweep, store.plain, name)
+        return found
+
     def _kinds(self, sweep: Sweep) -> list[UnitKind]:
         return [k for k in sweep.kinds(self.system) if k.index in self.originals[sweep.name]]
 
@@ -344,11 +379,11 @@ class SecondOrder:
 
     def _expansion(self, sweep: Sweep, kind: UnitKind, made: str, block: Block) -> Expansion:
         def nonzero(store: Store, name: str) -> bool:
-            if store.memory is TANGENT:
+            if store.memory in (ADJOINT, ADJOINT_LANE, MASS_LANE):
+                store = _in(ADJOINT, store)
+            if store.memory in (TANGENT, ADJOINT):
                 return not self.nonzero.isdisjoint(self._places(kind, sweep, store, name))
-            return store.memory in (ADJOINT, ADJOINT_LANE, MASS_LANE) or self.patterns.is_nonzero(
-                kind, sweep, store, name
-            )
+            return self.patterns.is_nonzero(kind, sweep, store, name)
 
         x = Expansion(
             f"{made}_{kind.index}",
@@ -439,33 +474,3 @@ def _primitives_of_loops(kind: EarKind, x: Expansion) -> tuple[Primitives, dict[
                     x.symbol(CL_PARAMETER[c], j): d for j, d in inner.items() if d is not algebra.ZERO
                 }
     return transparent, roots
-
-
-def differentiate_twice(shape: Shape) -> None:
-    """Add the second derivatives of constants by design parameters, with keys such as ``m/0/1``."""
-    x = Expansion(shape.block.name, shape.block.title, lambda a, f: True).resume(shape.block)
-    first = [(n, e) for _, n, e in shape.block.stores if "/" in n]
-    parameters = [x.component(PARAMETER, str(k)) for k in range(shape.parameters)]
-    statements = list(x.block.statements)
-    for k, p in enumerate(parameters):
-        assert isinstance(p, Symbol)
-        d = Tangents(x, {p: algebra.ONE}, {}, lanes=False)
-        for s in statements:
-            d.statement(s)
-        for name, e in first:
-            value = x.let("d", d.expression(e))
-            if value.is_Number:
-                shape.fixed[f"{name}/{k}"] = value
-            else:
-                shape.varying[f"{name}/{k}"] = f"{name}/{k}"
-                x.set_component(SHAPE, f"{name}/{k}", value)
-    for name, same in list(shape.varying.items()):
-        for k in range(shape.parameters):
-            key = f"{name}/{k}"
-            if name.count("/") != 1 or name == same:
-                continue
-            if f"{same}/{k}" in shape.fixed:
-                shape.fixed[key] = shape.fixed[f"{same}/{k}"]
-            else:
-                shape.varying[key] = f"{same}/{k}"
-    shape.block = simplify(x.finish())

@@ -12,6 +12,7 @@ from ..program.formula import Formula
 from ..program.plan import Plan
 from ..program.procedure import Formulas, Procedure, walk
 from ..program.progress import Progress, silent
+from .constants_twice import differentiate_twice
 from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError
 from .expansion import Program, expand
@@ -22,7 +23,6 @@ from .outputs.switches import switch_formulas
 from .patterns import Place as MemoryPlace
 from .plan import plan_of
 from .procedures import HESSIAN_PRODUCTS, SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
-from .second_order import differentiate_twice
 from .stores import LAID_OUT, SLOT
 from .structure.kinds import RegionKind
 from .structure.system import System, analyse

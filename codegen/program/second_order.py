@@ -16,7 +16,7 @@ from .block import Block, Component, Expansion, Statement
 from .derivatives import Tangents
 from .functions import Along
 from .store import MARGIN, Store
-from .transpose import transposed
+from .transpose import Nonzero, transposed
 
 Primitives = dict[Symbol, dict[Symbol, Expr]]
 """Derivatives of transparent symbols with respect to the symbols on which they depend; see `derivatives.Tangents`."""
@@ -115,9 +115,7 @@ def _along(d: Tangents, along: Expr, factor: Expr) -> Expr:
     return Along(symbol, d.expansion.let("d", sign * factor, "primitive"))
 
 
-def adjoint(
-    block: Block, name: str, title: str, place: Callable[[Store], Store], wanted: Callable[[Store, str], bool]
-) -> Block:
+def adjoint(block: Block, name: str, title: str, place: Callable[[Store], Store], nonzero: Nonzero) -> Block:
     """The adjoint of a block of values, from its tangent.
 
     Parameters
@@ -128,10 +126,9 @@ def adjoint(
         Of the result.
     place : callable (Store) -> Store
         Returns the store of the adjoints of a store of tangents; none of them has directions.
-    wanted : callable (Store, str) -> bool
-        Returns whether the adjoint of a stored component can differ from zero.
+    nonzero : callable (Store, str) -> bool
     """
-    found = transpose(block, name, title, place, wanted)
+    found = transpose(block, name, title, place, nonzero)
     return Block(
         name,
         title,
@@ -141,12 +138,9 @@ def adjoint(
     )
 
 
-def transpose(
-    block: Block, name: str, title: str, place: Callable[[Store], Store], wanted: Callable[[Store, str], bool]
-) -> Block:
+def transpose(block: Block, name: str, title: str, place: Callable[[Store], Store], nonzero: Nonzero) -> Block:
     """The transpose of a tangent for adjoints that have one value per direction; see `adjoint`."""
-    stores = [s for s in block.stores if wanted(s[0].plain, s[1])]
-    found = transposed(Block(block.name, block.title, block.loads, block.statements, stores), name, title)
+    found = transposed(block, name, title, nonzero=nonzero)
     for store, component, _ in found.stores:
         assert store.adds, f"{name}: {store}.{component} is overwritten, and its former adjoint is needed again"
     return Block(

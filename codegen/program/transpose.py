@@ -27,6 +27,17 @@ from .store import Store
 Cleared = Callable[[Store, str], bool]
 """Whether the adjoint of a stored component must be zero afterwards; results that are never overwritten do not need it."""
 
+Nonzero = Callable[[Store, str], bool]
+"""Whether the adjoint of a stored component can differ from zero."""
+
+
+def _never(store: Store, name: str) -> bool:
+    return False
+
+
+def always(store: Store, name: str) -> bool:
+    return True
+
 
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
     """Return the scalar factors of an expression that is linear in some symbols.
@@ -102,6 +113,14 @@ class Kept:
         """The place at which a kept scalar is stored."""
         return (self.place(store) if self.holds(store, name) else store), name
 
+    def stored_by(self, block: Block) -> dict[Symbol, Component]:
+        """Kept scalars that a block has stored; its transpose loads them instead of computing them again."""
+        return {
+            e: (self.place(a), n)
+            for a, n, e in block.stores
+            if not a.lanes and self.holds(a, n) and self.final(a) and isinstance(e, Symbol) and e not in block.loads
+        }
+
 
 def values(
     block: Block, name: str, title: str, kept: Kept, also: Callable[[Store], bool] = lambda store: False
@@ -121,7 +140,7 @@ NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store
 
 
 def transposed(
-    block: Block, name: str, title: str, cleared: Cleared = lambda store, name: False, kept: Kept = NOTHING_KEPT
+    block: Block, name: str, title: str, cleared: Cleared = _never, kept: Kept = NOTHING_KEPT, nonzero: Nonzero = always
 ) -> Block:
     """The block that computes the adjoints of the loads of `block` from the adjoints of its stores.
 
@@ -129,19 +148,14 @@ def transposed(
     ----------
     block : Block
     name, title : str
-        Of the result.
     cleared : callable (Store, str) -> bool
     kept : Kept
+    nonzero : callable (Store, str) -> bool
     """
-    x = Expansion(name, title, lambda store, n: True)
+    x = Expansion(name, title, nonzero)
     x.block.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     x.reserve(s.name for s in (*block.loads, *(t.target for t in block.statements)))
-    # a kept scalar that the block has stored need not be computed again
-    there = {
-        e: (kept.place(a), n)
-        for a, n, e in block.stores
-        if not a.lanes and kept.holds(a, n) and kept.final(a) and isinstance(e, Symbol) and e not in block.loads
-    }
+    there = kept.stored_by(block)
     x.block.loads |= there
     x.block.statements = [s for s in block.statements if not s.lanes and s.target not in there]
     lanes = {s for s, (a, _) in block.loads.items() if a.lanes} | {s.target for s in block.statements if s.lanes}
@@ -149,6 +163,8 @@ def transposed(
     incoming: dict[Component, Expr] = {}
 
     def give(e: Expr, bar: Expr) -> None:
+        if bar is algebra.ZERO:
+            return
         for s, c in coefficients(e, lanes).items():
             if isinstance(c, Function) and c.name == GUARDED:
                 bars.setdefault(s, []).append(Along(bar, x.let("c", c.args[0], "primitive")))
