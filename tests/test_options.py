@@ -111,6 +111,7 @@ MADE = {
     ("equations", "--force-file"): "-o there.yaml --force-file",
     ("equations", "--force"): "-o there.yaml --force",
     ("export", "--c"): WITHOUT,
+    ("export", "--casadi"): "--casadi",
     ("export", "--fmu"): "--fmu",
     ("export", "--fmi"): "--fmi 2.0",
     ("export", "--platforms"): "--platforms none",

@@ -9,6 +9,11 @@ from ..ending import OK, Failure
 from ..own_files import add_force
 from ..terminal import StatusLine, write_lines
 
+OPTIONS = {
+    "c": ("scalar", "functions"), "fmu": ("fmi", "platforms", "method", "energies", "stop"), "casadi": ("functions",),
+}  # fmt: skip
+"""Kinds of exports, and their own options."""
+
 
 def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm export``."""
@@ -17,11 +22,13 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
                         help="plain C99 for small machines: no heap, no variables, with a report of sizes")  # fmt: skip
     parser.add_argument("--fmu", action="store_true",
                         help="functional mock-up unit: Model Exchange and Co-Simulation, with source code")  # fmt: skip
+    parser.add_argument("--casadi", action="store_true",
+                        help="library of functions for CasADi, with first and second derivatives")  # fmt: skip
     parser.add_argument("-o", "--output", metavar="PATH",
                         help="folder, or file of an FMU, to write (default: ./exported/NAME, ./exported/NAME.fmu)")  # fmt: skip
+    parser.add_argument("--functions", metavar="NAME,...", help="the functions of --c or --casadi, if not all")
     of_c = parser.add_argument_group("plain C")
     of_c.add_argument("--scalar", choices=("float64", "float32"), help="type of all numbers (default: float64)")
-    of_c.add_argument("--functions", metavar="NAME,...", help="the functions, if not all, as in generate")
     of_fmu = parser.add_argument_group("FMU")
     of_fmu.add_argument("--fmi", choices=("3.0", "2.0"), help="version of the standard (default: 3.0)")
     of_fmu.add_argument("--platforms", metavar="NAME,...",
@@ -35,13 +42,17 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_export(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm export``: writes the files, and prints a report."""
-    if options.c == options.fmu:
-        raise Failure("into what? give one of --c (plain C) and --fmu (functional mock-up unit)")
-    names = ("fmi", "platforms", "method", "energies", "stop") if options.c else ("scalar", "functions")
-    given = [f"--{n}" for n in names if getattr(options, n) not in (None, False)]
-    if given:
-        raise Failure(f"{given[0]} is an option of {'--fmu, not of --c' if options.c else '--c, not of --fmu'}")
-    lines = _plain_c(options, status) if options.c else _fmu(options, status)
+    kinds = [kind for kind in OPTIONS if getattr(options, kind)]
+    if len(kinds) != 1:
+        raise Failure(
+            "into what? give one of --c (plain C), --fmu (functional mock-up unit) and --casadi (library of CasADi)"
+        )
+    (kind,) = kinds
+    for name in sorted({n for names in OPTIONS.values() for n in names}.difference(OPTIONS[kind])):
+        if getattr(options, name) not in (None, False):
+            of = " and ".join(f"--{other}" for other, names in OPTIONS.items() if name in names)
+            raise Failure(f"--{name} is an option of {of}, not of --{kind}")
+    lines = {"c": _plain_c, "fmu": _fmu, "casadi": _casadi}[kind](options, status)
     status.close()
     write_lines(lines, sys.stdout, ["bold"])
     return OK
@@ -83,6 +94,20 @@ def _plain_c(options: argparse.Namespace, status: StatusLine) -> list[str]:
         f"{found.folder}: {len(found.files)} files; workspace {found.workspace} bytes; {sizes}",
         *table(found.functions),
     ]
+
+
+def _casadi(options: argparse.Namespace, status: StatusLine) -> list[str]:
+    """Writes and compiles a library of CasADi; returns the list of its functions."""
+    from ..casadi.bridged import BridgeError
+    from ..casadi.exporting import export_casadi
+
+    try:
+        found = export_casadi(
+            options.model, options.output, functions=options.functions, force=options.force, progress=status
+        )
+    except BridgeError as error:
+        raise Failure(str(error)) from None
+    return repr(found).splitlines()
 
 
 __all__ = ["add_export_arguments", "run_export"]
