@@ -152,6 +152,8 @@ def test_examples_print_what_they_show(module, names, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     if module.startswith("codegen.casadi"):
         pytest.importorskip("casadi", reason="CasADi is not installed: pip install -e '.[casadi]'")
+    if module.startswith("codegen.jax"):
+        pytest.importorskip("jax", reason="JAX is not installed: pip install -e '.[jax]'")
     found = importlib.import_module(module)
     tests = [t for t in doctest.DocTestFinder().find(found) if t.examples]
     assert tests

@@ -1,0 +1,1 @@
+from codegen.jax import *

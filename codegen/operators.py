@@ -1,0 +1,186 @@
+"""The functions of a solver that other libraries differentiate: their arguments, results and derivatives."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+STATE = ("q", "u", "p", "inputs", "t")
+
+
+class Derived(NamedTuple):
+    """The generated functions for the derivatives of a function; empty if there is none.
+
+    Attributes
+    ----------
+    result : str
+    along : str
+        The derivative along seeds.
+    against : str
+        The gradient of weighted sums of results.
+    weights : str
+        The seed that holds these weights.
+    curved : str
+        The change of that gradient along seeds.
+    takes : tuple of str
+        Arguments, in the order of the solver's method.
+    """
+
+    result: str
+    along: str
+    against: str = ""
+    weights: str = ""
+    curved: str = ""
+    takes: tuple[str, ...] = STATE
+
+
+FUNCTIONS = {
+    "accelerations": Derived("udot", "sensitivities", "sensitivities_transposed", "dudot", "hessian_products"),
+    "coordinate_rates": Derived(
+        "qdot", "coordinate_rate_sensitivities", "coordinate_rate_sensitivities_transposed", "dqdot"
+    ),
+    "outputs": Derived("outputs", "output_sensitivities", "output_sensitivities_transposed", "doutputs"),
+    "energies": Derived("energy", "energy_sensitivities", "energy_sensitivities_transposed", "denergy"),
+    "inverse_dynamics": Derived(
+        "force", "inverse_dynamics_sensitivities", takes=("q", "u", "udot", "p", "inputs", "t")
+    ),
+    "driving_forces": Derived("actuation", "driving_force_sensitivities"),
+    "mass_matrix": Derived("M", "mass_matrix_sensitivities", takes=("q", "p", "inputs", "t")),
+    "solve_mass": Derived("x", "solve_mass_sensitivities", takes=("q", "b", "p", "inputs", "t")),
+}
+"""Functions that may be differentiated, by the name of the solver's method."""
+
+
+class Operator:
+    """A function of a solver, with the shapes of its arguments and result.
+
+    Operators are compared by identity, so that compiled programs are kept; use `operator`.
+
+    Attributes
+    ----------
+    solver : Solver
+    opened : Opened
+        The partition in use when the operator was made.
+    name : str
+    derived : Derived
+    takes : tuple of str
+        Arguments, in the order of the solver's method.
+    names : tuple of str
+        Arguments with entries, in the same order.
+    shape : tuple of int
+        Shape of the result, after batch axes; `size` is its number of entries.
+    """
+
+    def __init__(self, solver: Any, name: str):
+        self.solver, self.opened, self.name = solver, solver._opened, name
+        self.derived = FUNCTIONS[name]
+        shapes = solver._shapes
+        self.takes = self.derived.takes
+        self.sizes = {n: math.prod(shapes[n]) for n in self.takes}
+        self.names = tuple(n for n in self.takes if self.sizes[n])
+        self.shape: tuple[int, ...] = tuple(self.function(name).shapes[0])
+        self.size = math.prod(self.shape)
+        self.dtype = np.dtype(self.opened.target.dtype)
+        self.nan = solver.bad_states == "nan"
+        q, u = solver.initial
+        self.defaults = {
+            "q": q, "u": u, "p": solver.parameters, "inputs": np.zeros(solver.ninputs), "t": np.zeros(1),
+            "udot": np.zeros(solver.nu), "b": np.zeros(solver.nu),
+        }  # fmt: skip
+        self.entries: dict[str, Sequence[str]] = {
+            "q": solver.coordinate_names, "u": solver.speed_names, "p": solver.parameter_names,
+            "inputs": solver.input_names, "udot": solver.speed_names, "b": solver.speed_names,
+        }  # fmt: skip
+
+    def function(self, name: str) -> Any:
+        """A generated function; an error that says how to generate it if the package lacks it."""
+        return self.solver._find(self.opened, name)
+
+    def has(self, name: str) -> bool:
+        """Whether the package has a generated function."""
+        return bool(name) and name in self.opened.functions
+
+    def index(self, argument: str, entry: Any) -> int:
+        """The index of a named entry of an argument."""
+        known = list(self.entries.get(argument, ()))
+        if entry in known:
+            return known.index(entry)
+        near = difflib.get_close_matches(str(entry), known, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"{self.name}: {argument} has no entry {entry!r}; it has {', '.join(known) or 'none'}{hint}")
+
+    def no_curvature(self) -> str:
+        """The message for a second derivative that the package does not have."""
+        if not self.derived.curved:
+            return (
+                f"{self.name} of {self.solver.name}: no second derivatives; the functions that have them are "
+                f"{', '.join(n for n, d in FUNCTIONS.items() if d.curved)}"
+            )
+        return f"second derivatives of {self.name}: {self.solver._why_not(self.derived.curved)}"
+
+    def no_third(self) -> str:
+        """The message for a third derivative."""
+        return f"{self.name} of {self.solver.name}: third derivatives do not exist; differentiate at most twice"
+
+
+_making = threading.Lock()
+
+
+def operator(solver: Any, name: str) -> Operator:
+    """The operator of a solver's function, the same object each time.
+
+    Raises
+    ------
+    TypeError
+        If the first argument is not a solver.
+    ValueError
+        If no function of this name can be differentiated.
+    AttributeError
+        If the package was generated without the function.
+    """
+    if not hasattr(solver, "_opened") or not hasattr(solver, "accelerations"):
+        raise TypeError(f"expected a solver, as ordernm.load returns it, not {type(solver).__name__}")
+    if name not in FUNCTIONS:
+        near = difflib.get_close_matches(str(name), FUNCTIONS, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(
+            f"{name!r} is not a function that can be differentiated; allowed are {', '.join(FUNCTIONS)}{hint}"
+        )
+    with _making:
+        of_solver = solver.__dict__.setdefault("_operators", {})  # ends with the solver
+        key = name, solver.partition, solver.bad_states
+        if key not in of_solver:
+            of_solver[key] = Operator(solver, name)
+        return of_solver[key]
+
+
+def checked_batch(operator: Operator, shapes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """The batch shape of arguments with these shapes.
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong number of entries, or leading axes do not broadcast.
+    """
+    lead: tuple[int, ...] = ()
+    for name, shape in shapes.items():
+        n = operator.sizes[name]
+        if name != "t" and (not shape or shape[-1] != n):
+            raise ValueError(
+                f"{operator.name}: {name} has shape {tuple(shape)}, expected (..., {n}): "
+                f"{', '.join(list(operator.entries[name])[:12]) or 'no entries'}"
+            )
+        try:
+            lead = np.broadcast_shapes(lead, shape if name == "t" else shape[:-1])
+        except ValueError:
+            seen = ", ".join(f"{n} {tuple(s)}" for n, s in shapes.items())
+            raise ValueError(
+                f"{operator.name}: the leading (batch) axes do not broadcast: {seen}; counted from the last, they must "
+                "be equal or 1"
+            ) from None
+    return lead
