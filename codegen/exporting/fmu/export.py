@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from ...folders import FolderError
-from ...model.errors import ModelError
 from ...model.loading import load_model
 from ...model.model import Model
 from ...model.outputs import Output
@@ -118,7 +117,7 @@ def export_fmu(
     Raises
     ------
     ModelError
-        If the model has no solver or no states, or two variables would have the same name.
+        If the model has no solver, or two variables would have the same name.
     FolderError
         If the file cannot be written.
     NoCompilerError, CompileError
@@ -147,8 +146,6 @@ def export_fmu(
     _refuse_file(path, force)
     source = write_solver(model, functions=["motion"], progress=progress)
     manifest = source.manifest
-    if not manifest["independent_names"] and not manifest["independent_speed_names"]:
-        raise ModelError([model.problem("motion", "an FMU needs states, but all motion of this model is prescribed")])
     manifest["initial"] = _initial(model, manifest)
     found = variables(model, manifest)
     texts = sources(

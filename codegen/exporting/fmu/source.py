@@ -68,7 +68,7 @@ def _contents(
         "token": f'"{TOKEN}"', "system": f"&{model.name}_system", "q": "initial_q", "u": "initial_u", "p": "parameters",
         "initial": f"{model.name}_initial" if computed else "0", "variables": "variables", "singular": "singular",
         "switches": "switches", "nindicators": str(len(indicators(model, manifest))), "method": str(METHODS.index(method)),
-        "rtol": repr(rtol),
+        "moved": str(int("t" in manifest["functions"].get("closing_step", {"arguments": ()})["arguments"])), "rtol": repr(rtol),
     }  # fmt: skip
     context = {
         "name": model.name, "version": __version__, "tables": tables, "initial": computed,

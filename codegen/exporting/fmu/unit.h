@@ -17,6 +17,7 @@ typedef struct {
     const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
     const char *const *switches;      /* descriptions of all switches */
     int nindicators;                  /* number of switches with held modes */
+    int moved;                        /* loops depend on time, by prescribed motion */
     int method;                       /* of the integrator */
     scalar rtol;                      /* of the integrator, unless the importer gives a tolerance */
 } unit_model;

@@ -67,6 +67,7 @@ static int number_of_steps(const unit *x)
         const scalar scale = i <= x->nfq ? 1.0 : fabs(x->known[i]) + AT_ONCE;
         longest = fmax(longest, fabs(x->way[i] - x->known[i])/scale);
     }
+    for (int i = 0; x->model->moved && i < x->nq; ++i) longest = fmax(longest, fabs((x->way[0] - x->known[0])*x->qdot[i]));
     return (int)fmin(1.0 + longest/AT_ONCE, MOST_STEPS);
 }
 
