@@ -6,6 +6,7 @@ Formulas of the same form share one block; the coordinates and numbers that each
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from ..model.errors import ModelError
 from ..model.expressions import Expression
@@ -15,6 +16,7 @@ from ..model.rates import rate
 from ..model.slopes import has_quotient, is_singular, leaves, slope
 from ..model.switches import MODE
 from ..program import algebra
+from ..program.algebra import Expr
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.formula import Formula, Row
@@ -23,6 +25,9 @@ from ..program.passes import simplify
 from ..program.store import MODES, NUMBER, Store, argument
 from .structure.constants import Leaf, Statements, to_slots
 from .structure.system import System, speeds_with_forces
+
+MOST_OPERANDS = 24
+"""Largest number of operands of a formula whose second derivatives are written one by one."""
 
 
 def has_derivative(store: Store) -> bool:
@@ -171,7 +176,38 @@ def _make(index: int, target: str, tree: Tree) -> Formula:
         ]
         along = y.let("d", algebra.add(*terms), "", lanes=True)
     y.set_entry(argument(f"d{target}", lanes=True), 0, along)
-    return Formula(f"{target}_{index}", target, simplify(x.finish()), simplify(y.finish()))
+    made = Formula(f"{target}_{index}", target, simplify(x.finish()), simplify(y.finish()))
+    made.curvature = partial(curvature_of, made, tree)
+    return made
+
+
+def curvature_of(formula: Formula, tree: Tree) -> Block | None:
+    """The block of `Formula.twice` from second derivatives of a tree, if these may be infinite; otherwise None.
+
+    A direction in which an operand does not change gets no contribution from derivatives with respect to this operand.
+    """
+    found = [leaf for leaf in leaves(tree) if leaf[1] != MODES.name]
+    slopes = [(leaf, slope(tree, leaf)) for leaf in found]
+    if len(found) > MOST_OPERANDS or not (is_singular(tree) or any(is_singular(d) for _, d in slopes)):
+        return None
+    x = Expansion(
+        f"{formula.tangent.name}_twice", f"tangent of the adjoint of {formula.value.title}", lambda a, f: True
+    )
+    written = Statements(x, leaf_of(x))
+    bar = x.entry(argument(f"{formula.target}_bar"), 0)
+    along = x.entry(argument(f"d{formula.target}_bar", lanes=True), 0)
+    for leaf, first in slopes:
+        terms: list[Expr] = []
+        if first != ("number", 0):
+            terms.append(Along(along, x.let("d", written.write(first), "primitive")))
+        for other in found:
+            second = slope(first, other)
+            if second != ("number", 0):
+                seed = x.entry(seed_of(argument(other[1])), other[2])
+                terms.append(Along(seed, x.let("d", bar * written.write(second), "primitive")))
+        if terms:
+            x.set_entry(argument(f"dg{leaf[1]}", lanes=True).sum, leaf[2], x.let("d", algebra.add(*terms), lanes=True))
+    return x.finish()
 
 
 def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | None:

@@ -121,6 +121,29 @@ forces:
     assert np.abs(H - reference).max() < 1e-14 * np.abs(reference).max()
 
 
+def test_an_infinite_second_derivative_affects_only_directions_that_change_its_operand(tmp_path: Path) -> None:
+    text = """
+model: powers
+parameters: {a: 0.7}
+bodies:
+  bar: {parent: ground, joint: {type: revolute, axis: [0, 0, 1]}, mass: 1.0, inertia: {xx: 1, yy: 1, zz: a}}
+forces:
+  drive: {type: joint, joint: bar, value: -abs(q.bar)**1.5*(1 + t**2) - a*u.bar**3}
+"""
+    solver = made(codegen.parse_model(text), tmp_path)
+    state = RandomState(np.array([0.0]), np.array([0.2]), np.array([0.7]), np.zeros(0), 0.9)
+    with pytest.warns(RuntimeWarning, match="hessian_products is not finite"):
+        H = hessian(solver, state, np.array([1.3]))
+    assert not np.isfinite(H[0, 0]) and np.isfinite(H.ravel()[1:]).all()
+    beside = RandomState(np.array([1e-30]), *state[1:])
+    reference = differences(solver, beside, np.array([1.3]))
+    assert np.abs(H[1:, 1:] - reference[1:, 1:]).max() < 1e-12 * np.abs(reference[1:, 1:]).max()
+    assert not H[1:, 0].any()
+    moved = RandomState(np.array([0.4]), *state[1:])
+    H, reference = (f(solver, moved, np.array([1.3])) for f in (hessian, differences))
+    assert np.abs(H - reference).max() < 1e-14 * np.abs(reference).max()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_every_entry_agrees_with_differences_in_40_digits(seed: int, tmp_path: Path) -> None:
     """Relative to the largest entry of a row, and the product is symmetrical to rounding."""
