@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from coupled_coordinates import coupled_tree
 from coupled_mechanisms import platform, rails, tips_joined
+from point_condition_models import SPATIAL
+from prescribed_models import with_prescribed_at
 from random_mechanisms import random_mechanisms
-from random_models import RandomState, random_seeds
+from random_models import EVERY, RandomState, random_seeds
+from rotor_models import with_rotors_at
 from second_derivatives import DIGITS, EXAMPLES, FUNCTIONS, STEP, directions, hessian, joined, made
 
 import codegen
-from codegen.model import Model
+from codegen.model import Model, parse_model
 
 
 def state_of(solver: codegen.Solver, seed: int = 1) -> tuple[RandomState, np.ndarray]:
@@ -98,9 +102,12 @@ def test_loops_that_couple_branches_agree(rods: Any, tmp_path: Path) -> None:
     agree(rods.model(), tmp_path, 1e-10)
 
 
-def a_mechanism(seed: int, **options: Any) -> tuple[Model, RandomState, np.ndarray]:
+def a_mechanism(
+    seed: int, more: Any = lambda rng, drawn: drawn, **options: Any
+) -> tuple[Model, RandomState, np.ndarray]:
     """A random mechanism, a state with quaternions of unit length, and weights."""
-    _, (model, q, u, p, inputs, t) = next(random_mechanisms(1, seed, **options))
+    _, drawn = next(random_mechanisms(1, seed, **options))
+    model, q, u, p, inputs, t = more(np.random.default_rng([9, seed]), drawn)
     q = q.copy()
     for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
         for place in body.joint.kind.quaternions:
@@ -151,3 +158,19 @@ def test_dependent_entries_are_ignored_and_their_results_are_zero(tmp_path: Path
     for x in found:
         assert (x[0] == x[1]).all()
     assert not found.q[:, 1:].any() and not found.u[:, 1:].any() and found.q[:, 0].all()
+
+
+@pytest.mark.parametrize("more", [with_prescribed_at, with_rotors_at])
+def test_prescribed_motion_and_rotors_in_loops_agree(more: Any, tmp_path: Path) -> None:
+    model, state, weights = a_mechanism(500, scene="spatial", bodies=(3, 4), loops=(1, 2), more=more)
+    agree(model, tmp_path, 1e-10, state, weights, 1e-12)
+
+
+def test_couplings_agree(tmp_path: Path) -> None:
+    found = coupled_tree(np.random.default_rng(2), 4, EVERY, 2)
+    assert found is not None
+    agree(found[0], tmp_path, 1e-11, found[1], np.random.default_rng(5).normal(size=found[0].nu))
+
+
+def test_points_on_surfaces_and_distances_agree(tmp_path: Path) -> None:
+    agree(parse_model(SPATIAL.replace("BASE", "free")), tmp_path, 1e-11)

@@ -2,7 +2,7 @@
 
 The conditions are those of the closure matrix, along the same directions. So its factor solves for their multipliers. Positions,
 velocities and accelerations of links are those of sweeps over the tree. All conditions are met, so only their derivatives are
-read; differences of distant positions therefore cost no digits.
+read; differences of distant positions cost digits only where a loop joint slides.
 """
 
 from __future__ import annotations

@@ -412,8 +412,7 @@ class Package:
             among = ", or add it to --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
         if name in ("hessian_products", "hessians"):
-            why = "it is for models without closed loops" if self.closure_names else "add it to --functions"
-            return f"{self.name} was generated without hessian_products: {why}"
+            return f"{self.name} was generated without hessian_products: add it to --functions"
         if name.startswith(("frame", "point", "picture", "view")):
             return f"{self.name} was generated without {name}: generate it with --frames"
         left_out, needed = self._manifest.get("left_out", ()), (name, *MADE_OF.get(name, ()))
