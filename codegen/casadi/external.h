@@ -71,13 +71,14 @@ static int ordernm_newton(const ordernm_loops *loops, ordernm_given x, double *q
 {
     double before = 1.2;
     for (int round = 0; round < ORDERNM_ROUNDS; ++round) {
-        double size = 0.0;
+        double size = 0.0, left;
         if (loops->step(x, step, work)) return 1;
         for (int i = 0; i < loops->n_q; ++i) size = fmax(size, fabs(step[i] / loops->scale[i]));
         if (!(size <= 0.25 * before || size <= 1e-12)) return 1;
         for (int i = 0; i < loops->n_q; ++i) q[i] += step[i];
         ordernm_normalise(loops, q);
-        if (size <= enough) return 0;
+        left = size * (size / before) * (size / before); /* the next step, as convergence is quadratic */
+        if (size <= enough || left <= 1e-15) return 0;
         before = size;
     }
     return 1;
@@ -100,7 +101,7 @@ static int ordernm_close(const ordernm_function *f, const double *const *arg, do
                 at[i][k] = to == 1.0 ? end : loops->start[i][k] + to * (end - loops->start[i][k]);
             }
         ordernm_normalise(loops, at[0]);
-        if (ordernm_newton(loops, (ordernm_given)at, at[0], step, to == 1.0 ? 1e-9 : 1e-3, work)) {
+        if (ordernm_newton(loops, (ordernm_given)at, at[0], step, to == 1.0 ? 1e-10 : 1e-3, work)) {
             h *= 0.4;
             if (h < s_least) return 1;
         } else if (to == 1.0) {

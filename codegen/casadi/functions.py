@@ -131,6 +131,8 @@ _described: dict[tuple[str, str, int], dict[str, Bridged]] = {}
 def every(solver: Solver) -> dict[str, Bridged]:
     """All functions of a solver that may become functions of CasADi."""
     if not isinstance(solver, Package):
+        if type(solver).__name__ == "Solver":
+            raise BridgeError("solver runs the code of its package, which another ordernm generated; generate it again")
         raise BridgeError(f"solver is a {type(solver).__name__}, expected a Solver, as ordernm.load returns it")
     opened = solver._opened
     key = str(opened.folder), str(opened.package.get("seal", "")), opened.number

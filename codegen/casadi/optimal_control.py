@@ -74,9 +74,13 @@ class Collocation:
         self._p = _parameters(solver, p)
         self._design = [solver.parameter_names.index(n) for n in design]
         self._fixed = [i for i in range(solver.np) if i not in self._design]
-        self._f = ode(solver)
+        self._f = self._motion()
         self._variables = self._declared(duration, start, end, bounds, design)
         self.nlp = self._stated(duration, cost, end_cost, path)
+
+    def _motion(self) -> Any:
+        """The function ``y' = f(y, p, inputs, t)``."""
+        return ode(self.solver)
 
     def _check(
         self, duration: Any, segments: int, degree: int, start: Named, end: Named, bounds: Named, design: Named
@@ -240,27 +244,77 @@ class Collocation:
         >>> problem.solve(hessian="limited-memory", tolerance=1e-6).value < 1.0
         True
         """
-        # long: the docstring describes every argument
+        return self.prepared(
+            hessian=hessian, guess=guess, tolerance=tolerance, most_iterations=most_iterations, options=options
+        )()
+
+    def prepared(
+        self,
+        *,
+        hessian: str = "exact",
+        guess: Optimum | None = None,
+        tolerance: float = 1e-10,
+        most_iterations: int = 1000,
+        options: Named | None = None,
+    ) -> Callable[[], Optimum]:
+        """Return a function that solves the problem, so that CasADi derives the derivatives once for several calls.
+
+        Parameters
+        ----------
+        hessian, guess, tolerance, most_iterations, options : optional
+            As in `solve`.
+
+        Returns
+        -------
+        callable
+            Without arguments; it returns the Optimum.
+
+        Raises
+        ------
+        BridgeError
+            As in `solve`.
+
+        Examples
+        --------
+        >>> import ordernm.casadi
+        >>> problem = ordernm.casadi.collocation(solver, 0.2, 2, start={"q.upper": 0.1, "q.lower": 0.2})
+        >>> callable(problem.prepared(hessian="limited-memory"))
+        True
+        """
         if hessian not in HESSIANS:
             raise BridgeError(f"hessian is {hessian!r}; allowed are {' and '.join(map(repr, HESSIANS))}")
         if hessian == "exact":
             needs_second(self.solver, "accelerations", "hessian='exact'")
-        casadi = imported()
         more = {
             "tol": tolerance, "max_iter": most_iterations, "print_level": 0, "sb": "yes", "hessian_approximation": hessian,
             **(options or {}),
         }  # fmt: skip
-        nlp = casadi.nlpsol("optimum", "ipopt", self.nlp, {"ipopt": more, "print_time": False, "error_on_fail": False})
-        by = {n: np.concatenate([getattr(v, n).ravel("F") / _every(v) for v in self._variables.values()])
-              for n in ("low", "high", "guess")}  # fmt: skip
+        settings = {"ipopt": more, "print_time": False, "error_on_fail": False}
+        nlp = imported().nlpsol("optimum", "ipopt", self.nlp, settings)
+        given = self._given(guess)
+        return lambda: self._solved(nlp, given)
+
+    def _given(self, guess: Optimum | None) -> dict[str, Array]:
+        """Guess, bounds and parameters of the nonlinear program."""
+        low, high, first = (
+            np.concatenate([getattr(v, n).ravel("F") / _every(v) for v in self._variables.values()])
+            for n in ("low", "high", "guess")
+        )
         limits = np.zeros(self.nlp["g"].shape[0])
         least = limits.copy()
         least[self._equations :] = -np.inf
+        first = first if guess is None else self._from(guess)
+        return {"x0": first, "lbx": low, "ubx": high, "lbg": least, "ubg": limits, "p": self._p[self._fixed]}
+
+    def _solved(self, nlp: Any, given: Named) -> Optimum:
+        """Calls IPOPT.
+
+        Raises
+        ------
+        NotSolvedError
+        """
         began = time.perf_counter()
-        found = nlp(
-            x0=by["guess"] if guess is None else self._from(guess), lbx=by["low"], ubx=by["high"], lbg=least, ubg=limits,
-            p=self._p[self._fixed],
-        )  # fmt: skip
+        found = nlp(**given)
         optimum = self._optimum(found, nlp.stats(), time.perf_counter() - began)
         if not nlp.stats()["success"]:
             raise NotSolvedError(
