@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cart_pole import CART_POLE
 
 import codegen
 from codegen.casadi.bridged import BridgeError
@@ -14,6 +13,7 @@ from codegen.casadi.optimal_control import NotSolvedError, collocation
 pytest.importorskip("casadi", reason="CasADi is not installed: pip install -e '.[casadi]'")
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+CART_POLE = EXAMPLES / "casadi" / "cart_pole.yaml"
 FUNCTIONS = "accelerations,sensitivities,gradients,hessian_products"
 
 SWING_UP = {
@@ -31,7 +31,7 @@ DERIVATIVES = {"cart_mass": 97.147906, "pole_mass": 68.224763, "length": 72.9995
 @pytest.fixture(scope="module")
 def cart_pole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("solver") / "cart_pole"
-    codegen.generate(codegen.parse_model(CART_POLE), folder, compile=False, functions=FUNCTIONS)
+    codegen.generate(CART_POLE, folder, compile=False, functions=FUNCTIONS)
     return codegen.load(folder)
 
 
@@ -131,9 +131,7 @@ def test_wrong_arguments_are_refused(more, message, cart_pole):
 
 
 def test_a_solver_without_second_derivatives_says_so(tmp_path):
-    codegen.generate(
-        codegen.parse_model(CART_POLE), tmp_path / "s", compile=False, functions="accelerations,sensitivities"
-    )
+    codegen.generate(CART_POLE, tmp_path / "s", compile=False, functions="accelerations,sensitivities")
     problem = collocation(codegen.load(tmp_path / "s"), 2.0, 4, **SWING_UP)
     with pytest.raises(
         BridgeError, match=r"hessian='exact' needs second derivatives of accelerations.*'hessian_products'"

@@ -1,11 +1,11 @@
 """Functions of CasADi against the solver, and against CasADi's own derivatives of equations written by hand."""
 
+import importlib
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cart_pole import CART_POLE
 
 import codegen
 import codegen.casadi
@@ -20,6 +20,7 @@ FUNCTIONS = (
     "energy_sensitivities,energy_gradients"
 )
 BOUND = 1e-12
+CART_POLE = (EXAMPLES / "casadi" / "cart_pole.yaml").read_text(encoding="utf-8")
 
 
 def by_hand(q, u, p, inputs):
@@ -38,9 +39,11 @@ def solvers(tmp_path_factory):
 
     def get(name: str, functions: str = FUNCTIONS):
         if (name, functions) not in known:
-            model = codegen.parse_model(CART_POLE) if name == "cart_pole" else EXAMPLES / f"{name}.yaml"
+            below = EXAMPLES / "casadi" / f"{name}.yaml"
             folder = tmp_path_factory.mktemp("solver") / name
-            codegen.generate(model, folder, compile=False, functions=functions)
+            codegen.generate(
+                below if below.exists() else EXAMPLES / f"{name}.yaml", folder, compile=False, functions=functions
+            )
             known[name, functions] = codegen.load(folder)
         return known[name, functions]
 
@@ -100,7 +103,7 @@ def test_accelerations_and_their_derivatives_are_those_of_the_solver(name, solve
             assert error(found, wanted) <= BOUND, (kind, n)
 
 
-@pytest.mark.parametrize("name", ["cart_pole", "four_bar", "quadrotor", "double_wishbone"])
+@pytest.mark.parametrize("name", ["cart_pole", "four_bar", "five_bar_leg", "quadrotor", "double_wishbone"])
 def test_hessians_are_those_of_the_solver_and_symmetric(name, solvers):
     solver = solvers(name)
     state, given, own = drawn(solver, far=0.02 if name == "double_wishbone" else 0.3)
@@ -132,6 +135,26 @@ def test_derivatives_of_a_cart_pole_are_those_of_its_equations(solvers):
         second, first = casadi.hessian(casadi.dot(weights, z), x)
         found[who] = casadi.Function("d", [x], [z, casadi.jacobian(z, x), first, second])(at)
     for ours, wanted in zip(found["ours"], found["casadi"], strict=True):
+        assert error(ours, np.array(casadi.densify(wanted))) <= BOUND
+
+
+@pytest.mark.parametrize(("name", "native"), [("four_bar", "native_four_bar"), ("five_bar_leg", "native_leg")])
+def test_derivatives_of_loops_are_those_of_lagranges_equations_in_casadi(name, native, solvers, monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES.parent / "benchmarks"))
+    by_hand = getattr(
+        importlib.import_module("optimal_control"), native
+    )()  # dependent points by intersection of circles
+    f, (_, given, _) = codegen.casadi.ode(solvers(name)), drawn(solvers(name), 5, 0.2)
+    sizes = [f.size1_in(n) for n in f.name_in()]
+    x = casadi.MX.sym("x", sum(sizes))
+    at = np.concatenate([given["q"], given["u"], given["p"], given["inputs"]])
+    weights = casadi.DM(np.linspace(0.5, 1.5, sizes[0]))
+    found = []
+    for g in (f, by_hand):
+        z = g(*casadi.vertsplit(x, np.cumsum([0, *sizes]).tolist()))
+        second, first = casadi.hessian(casadi.dot(weights, z), x)
+        found.append(casadi.Function("d", [x], [z, casadi.jacobian(z, x), first, second])(at))
+    for ours, wanted in zip(*found, strict=True):
         assert error(ours, np.array(casadi.densify(wanted))) <= BOUND
 
 
