@@ -83,7 +83,9 @@ class Operator:
         self.takes = self.derived.takes
         self.sizes = {n: math.prod(shapes[n]) for n in self.takes}
         self.names = tuple(n for n in self.takes if self.sizes[n])
-        self.shape: tuple[int, ...] = tuple(self.function(name).shapes[0])
+        self.key: str | None = None
+        self.composed = name in solver._composed and name not in self.opened.functions
+        self.shape = self._shape()
         self.size = math.prod(self.shape)
         self.dtype = np.dtype(self.opened.target.dtype)
         self.nan = solver.bad_states == "nan"
@@ -96,6 +98,15 @@ class Operator:
             "q": solver.coordinate_names, "u": solver.speed_names, "p": solver.parameter_names,
             "inputs": solver.input_names, "udot": solver.speed_names, "b": solver.speed_names,
         }  # fmt: skip
+
+    def _shape(self) -> tuple[int, ...]:
+        """Shape of the result of one state."""
+        if not self.composed:
+            return tuple(self.function(self.name).shapes[0])
+        method = getattr(self.solver, self.name)  # Python composes it
+        q, u = self.solver.initial
+        given = {"q": q, "u": u, "udot": u * 0.0, "b": u * 0.0}
+        return tuple(np.shape(method(*(given[n] for n in self.takes if n in given))))
 
     def function(self, name: str) -> Any:
         """A generated function; an error that says how to generate it if the package lacks it."""
@@ -159,6 +170,35 @@ def operator(solver: Any, name: str) -> Operator:
         return of_solver[key]
 
 
+SCALARS = ("float32", "float64")
+"""Types of numbers that packages have."""
+
+
+def wrong_type(operator: Operator, name: str, found: str, shape: tuple[int, ...]) -> TypeError:
+    """The error for an argument of another type."""
+    other = f", or generate the package with scalar={found!r}" if found in SCALARS else ""
+    return TypeError(
+        f"{operator.name} of {operator.solver.name}: {name} has type {found} and shape {shape}, expected "
+        f"{operator.dtype}; convert it{other}"
+    )
+
+
+def bound(of: Operator, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments by name; a TypeError names what is missing or unknown."""
+    if len(arguments) > len(of.takes):
+        raise TypeError(f"{of.name} takes {', '.join(of.takes)}: {len(of.takes)} arguments, not {len(arguments)}")
+    given: dict[str, Any] = dict(zip(of.takes, arguments, strict=False))
+    for n, x in named.items():
+        if n not in of.takes or n in given:
+            what = "is given twice" if n in given else "is not an argument"
+            raise TypeError(f"{of.name}: {n} {what}; arguments are {', '.join(of.takes)}")
+        given[n] = x
+    missing = [n for n in of.takes if n not in ("p", "inputs", "t") and given.get(n) is None]
+    if missing:
+        raise TypeError(f"{of.name}: {', '.join(missing)} missing; arguments are {', '.join(of.takes)}")
+    return {n: 0.0 if n == "t" and given.get(n) is None else given.get(n) for n in of.takes}
+
+
 def checked_batch(operator: Operator, shapes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
     """The batch shape of arguments with these shapes.
 
@@ -167,7 +207,7 @@ def checked_batch(operator: Operator, shapes: Mapping[str, tuple[int, ...]]) -> 
     ValueError
         If an argument has the wrong number of entries, or leading axes do not broadcast.
     """
-    lead: tuple[int, ...] = ()
+    leads = {}
     for name, shape in shapes.items():
         n = operator.sizes[name]
         if name != "t" and (not shape or shape[-1] != n):
@@ -175,12 +215,15 @@ def checked_batch(operator: Operator, shapes: Mapping[str, tuple[int, ...]]) -> 
                 f"{operator.name}: {name} has shape {tuple(shape)}, expected (..., {n}): "
                 f"{', '.join(list(operator.entries[name])[:12]) or 'no entries'}"
             )
-        try:
-            lead = np.broadcast_shapes(lead, shape if name == "t" else shape[:-1])
-        except ValueError:
-            seen = ", ".join(f"{n} {tuple(s)}" for n, s in shapes.items())
-            raise ValueError(
-                f"{operator.name}: the leading (batch) axes do not broadcast: {seen}; counted from the last, they must "
-                "be equal or 1"
-            ) from None
-    return lead
+        if lead := tuple(shape) if name == "t" else tuple(shape[:-1]):
+            leads[lead] = name
+    if len(leads) < 2:
+        return next(iter(leads), ())
+    try:
+        return np.broadcast_shapes(*leads)
+    except ValueError:
+        seen = ", ".join(f"{n} {tuple(s)}" for n, s in shapes.items())
+        raise ValueError(
+            f"{operator.name}: the leading (batch) axes do not broadcast: {seen}; counted from the last, they must be "
+            "equal or 1"
+        ) from None

@@ -152,8 +152,9 @@ def test_examples_print_what_they_show(module, names, tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     if module.startswith("codegen.casadi"):
         pytest.importorskip("casadi", reason="CasADi is not installed: pip install -e '.[casadi]'")
-    if module.startswith("codegen.jax"):
-        pytest.importorskip("jax", reason="JAX is not installed: pip install -e '.[jax]'")
+    for library in ("jax", "torch"):
+        if module.startswith(f"codegen.{library}"):
+            pytest.importorskip(library, reason=f"{library} is not installed: pip install -e '.[{library}]'")
     found = importlib.import_module(module)
     tests = [t for t in doctest.DocTestFinder().find(found) if t.examples]
     assert tests

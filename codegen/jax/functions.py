@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..operators import Operator, checked_batch, operator
-
-SCALARS = ("float32", "float64")
-"""Types of numbers that packages have."""
+from ..operators import Operator, bound, checked_batch, operator, wrong_type
 
 
 def function(solver: Any, name: str) -> Callable[..., Any]:
@@ -60,11 +57,7 @@ def function(solver: Any, name: str) -> Callable[..., Any]:
     >>> jax.jacobian(accelerations, argnums=2)([0.5], [0.0], swing.parameters).shape == (1, swing.np)
     True
     """
-    try:
-        import jax  # noqa: F401
-    except ImportError:
-        raise ImportError("ordernm.jax needs JAX: pip install 'ordernm[jax]'") from None
-    of = operator(solver, name)
+    of = _operator(solver, name)
 
     def call(*arguments: Any, **named: Any) -> Any:
         return _called(of, arguments, named)
@@ -73,31 +66,30 @@ def function(solver: Any, name: str) -> Callable[..., Any]:
     return call
 
 
+def _operator(solver: Any, name: str) -> Operator:
+    """The operator of a function that JAX can call."""
+    try:
+        import jax  # noqa: F401
+    except ImportError:
+        raise ImportError("ordernm.jax needs JAX: pip install 'ordernm[jax]'") from None
+    of = operator(solver, name)
+    if of.composed:
+        raise NotImplementedError(
+            f"{name} of {of.solver.name}: Python composes it in mechanisms with closed loops, and JAX calls compiled code; "
+            "ordernm.torch.function has it"
+        )
+    return of
+
+
 def _called(of: Operator, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> Any:
     from .primitives import value
 
-    given = _bound(of, arguments, named)
+    given = bound(of, arguments, named)
     arrays = {n: _array(of, n, x) for n, x in given.items()}
     batch = checked_batch(of, {n: a.shape for n, a in arrays.items()})
     operands = [_laid(of, n, arrays[n], batch) for n in of.names]
     found = value(of, operands)
     return found.reshape(*batch, *of.shape)
-
-
-def _bound(of: Operator, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments by name; a TypeError names what is missing or unknown."""
-    if len(arguments) > len(of.takes):
-        raise TypeError(f"{of.name} takes {', '.join(of.takes)}: {len(of.takes)} arguments, not {len(arguments)}")
-    given: dict[str, Any] = dict(zip(of.takes, arguments, strict=False))
-    for n, x in named.items():
-        if n not in of.takes or n in given:
-            what = "is given twice" if n in given else "is not an argument"
-            raise TypeError(f"{of.name}: {n} {what}; arguments are {', '.join(of.takes)}")
-        given[n] = x
-    missing = [n for n in of.takes if n not in ("p", "inputs", "t") and given.get(n) is None]
-    if missing:
-        raise TypeError(f"{of.name}: {', '.join(missing)} missing; arguments are {', '.join(of.takes)}")
-    return {n: 0.0 if n == "t" and given.get(n) is None else given.get(n) for n in of.takes}
 
 
 def _array(of: Operator, name: str, x: Any) -> Any:
@@ -120,11 +112,7 @@ def _array(of: Operator, name: str, x: Any) -> Any:
     given = getattr(x, "dtype", None)
     weak = getattr(x, "weak_type", False) or (given is not None and jnp.issubdtype(given, jnp.integer))
     if given is not None and given != of.dtype and not weak:
-        other = f", or generate the package with scalar={str(given)!r}" if str(given) in SCALARS else ""
-        raise TypeError(
-            f"{of.name} of {of.solver.name}: {name} has type {given} and shape {tuple(x.shape)}, expected {of.dtype}; "
-            f"convert it{other}"
-        )
+        raise wrong_type(of, name, str(given), tuple(x.shape))
     try:
         return jnp.asarray(x, of.dtype)
     except (TypeError, ValueError) as error:

@@ -13,6 +13,7 @@ ELSEWHERE = {
     "docs/views.md": "tests/display/test_page.py",
     "docs/model_format.md": "tests/model/test_documentation.py",
     "docs/howto/jax.md": "tests/learning/test_pages.py",
+    "docs/howto/torch.md": "tests/learning/test_pages.py",
     "docs/live/index.md": "tests/live/test_live.py",
     "docs/api.md": "tests/documentation/test_pages.py",  # one block, below
     "docs/development.md": "",  # commands of developers, as in CONTRIBUTING.md

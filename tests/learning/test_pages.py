@@ -6,7 +6,7 @@ import pytest
 from doc_pages import follow
 
 
-@pytest.mark.parametrize("library", ["jax"])
+@pytest.mark.parametrize("library", ["jax", "torch"])
 def test_the_page_runs(library: str, tmp_path: Path) -> None:
     pytest.importorskip(library, reason=f"{library} is not installed: pip install 'ordernm[{library}]'")
     follow(f"docs/howto/{library}.md", tmp_path)

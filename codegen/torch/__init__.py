@@ -1,0 +1,12 @@
+"""Functions of solvers as differentiable operators of PyTorch (extra ``torch``)."""
+
+from typing import TYPE_CHECKING
+
+from ..deferred import deferred
+
+if TYPE_CHECKING:
+    from .functions import function as function
+
+__all__ = ["function"]
+
+__getattr__ = deferred(__name__, {"function": "functions"})

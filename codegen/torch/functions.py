@@ -1,0 +1,118 @@
+"""`function`: a function of a solver as a differentiable operator of PyTorch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..operators import Operator, bound, checked_batch, operator, wrong_type
+
+
+def function(solver: Any, name: str) -> Callable[..., Any]:
+    """Return a function of a solver as a differentiable operator of PyTorch.
+
+    It has exact gradients and second derivatives by autograd, `torch.func.grad`, `torch.func.vmap`, and stays one
+    operator under `torch.compile`. Batches go to the solver's compiled code as a whole. PyTorch has no forward mode
+    for such operators: use `torch.func.jacrev`.
+
+    Parameters
+    ----------
+    solver : Solver
+        The solver. Its partition is that at this call.
+    name : str
+        The method of the solver: ``accelerations``, ``coordinate_rates``, ``outputs``, ``energies``,
+        ``inverse_dynamics``, ``driving_forces``, ``mass_matrix`` or ``solve_mass``.
+
+    Returns
+    -------
+    callable
+        ``f(q, u, p=None, inputs=None, t=0.0)``, or the arguments of the solver's method of this name. Leading axes are
+        batch axes and broadcast. ``energies`` returns (..., 2): kinetic and potential energy.
+
+    Raises
+    ------
+    ImportError
+        If PyTorch is not installed.
+    TypeError
+        If the first argument is not a solver. A call raises it for a wrong type or number of arguments.
+    ValueError
+        If no function of this name can be differentiated. A call raises it for wrong shapes and names, and the errors
+        of the solver's method.
+    AttributeError
+        If the package was generated without the function.
+    NotImplementedError
+        Raised by a second derivative that the package does not have, and by a third derivative.
+
+    Examples
+    --------
+    >>> import torch
+    >>> import ordernm.torch
+    >>> names = ["accelerations", "sensitivities", "gradients"]
+    >>> report = ordernm.generate("examples/pendulum.yaml", "turned", functions=names)
+    >>> turned = ordernm.load("turned")
+    >>> accelerations = ordernm.torch.function(turned, "accelerations")
+    >>> p = torch.tensor(turned.parameters, requires_grad=True)
+    >>> accelerations([0.5], [0.0], p).sum().backward()
+    >>> bool((p.grad == torch.tensor(turned.gradients([0.5], [0.0], weights=[1.0]).p[0])).all())
+    True
+    """
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        raise ImportError("ordernm.torch needs PyTorch: pip install 'ordernm[torch]'") from None
+    return _of(operator(solver, name))
+
+
+def _of(of: Operator) -> Callable[..., Any]:
+    """The function of an operator."""
+    import torch
+
+    from .operators import called, key_of, order
+
+    key, names = key_of(of), order(of)
+    kind = getattr(torch, str(of.dtype))
+    defaults = {n: torch.tensor(x, dtype=kind) for n, x in of.defaults.items()}
+    defaults["t"], defaults[""] = torch.zeros((), dtype=kind), torch.zeros(0, dtype=kind)
+
+    def call(*arguments: Any, **named: Any) -> Any:
+        given = bound(of, arguments, named)
+        x = {n: tensor(of, n, a, defaults[n], kind) for n, a in given.items()}
+        checked_batch(of, {n: tuple(a.shape) for n, a in x.items()})
+        return called(*(x[n] if n in x else defaults[""] for n in names), key)
+
+    call.__name__ = call.__qualname__ = of.name
+    call.operator = of  # type: ignore[attr-defined]  # keeps it as long as the function
+    return call
+
+
+def tensor(of: Operator, name: str, x: Any, default: Any, kind: Any) -> Any:
+    """An argument as a tensor of the package's type."""
+    import torch
+
+    if type(x) is torch.Tensor and x.dtype == kind and x.device.type == "cpu":
+        return x
+    if x is None:
+        return default
+    if type(x) is float:
+        return torch.tensor(x, dtype=kind)
+    if isinstance(x, Mapping):
+        entries = {of.index(name, entry): tensor(of, name, number, default, kind) for entry, number in x.items()}
+        batch = torch.broadcast_shapes(*(e.shape for e in entries.values()))
+        columns = [entries[i] if i in entries else default[i] for i in range(default.shape[-1])]
+        return torch.stack([c.expand(batch) for c in columns], -1)
+    if not isinstance(x, torch.Tensor):
+        try:
+            given = torch.as_tensor(x)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise TypeError(f"{of.name}: {name} is {x!r}, expected numbers: {error}") from None
+        number = isinstance(x, (int, float, list, tuple))
+        x = given.to(kind) if number else given
+    if x.device.type != "cpu":
+        raise ValueError(
+            f"{of.name}: {name} is on device {x.device}, and solvers compute on the CPU: call {name}.cpu()"
+        )
+    if x.dtype != kind:
+        if not x.dtype.is_floating_point and not x.dtype.is_complex:
+            return x.to(kind)
+        raise wrong_type(of, name, str(x.dtype).removeprefix("torch."), tuple(x.shape))
+    return x
