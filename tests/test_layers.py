@@ -71,8 +71,9 @@ FLOORS = {
         "version",
     },  # on solvers; knows no models, and no package carries it
     "operators": {"runtime"},  # functions of solvers with their derivatives
-    "jax": {"deferred", "operators", "runtime"},
-    "torch": {"deferred", "operators", "runtime"},
+    "judged_motions": set(),  # functionals as functions of parameters
+    "jax": {"deferred", "judged_motions", "operators", "runtime"},
+    "torch": {"deferred", "judged_motions", "operators", "runtime"},
 }
 """What each layer may import besides itself. Layers that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed layer may import them."""

@@ -6,7 +6,8 @@ from ..deferred import deferred
 
 if TYPE_CHECKING:
     from .functions import function as function
+    from .motions import judge as judge
 
-__all__ = ["function"]
+__all__ = ["function", "judge"]
 
-__getattr__ = deferred(__name__, {"function": "functions"})
+__getattr__ = deferred(__name__, {"function": "functions", "judge": "motions"})
