@@ -34,6 +34,7 @@ _OF = {
     "inverse_dynamics_sensitivities": "forces", "driving_forces": "forces", "driving_force_sensitivities": "forces",
     "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
     "output_sensitivities": "outputs", "switches": "motion", "switch_sensitivities": "motion",
+    "hessian_products": "gradients",
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")

@@ -26,6 +26,9 @@ ALONG = (
 )  # fmt: skip
 """Functions over directions that integration calls."""
 
+CURVED = ("hessian_products",)
+"""Functions over directions that Hessian products of motions call."""
+
 WIDTHS = (1, 8)
 """Numbers of directions that are integrated together."""
 
@@ -84,9 +87,9 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
     for f in [f for f in VALUES if f in functions]:
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
-    for f in [f for f in ALONG if f in functions]:
+    for f in [f for f in (*ALONG, *CURVED) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
-        of = second if f.endswith("_transposed") else first
+        of = second if f.endswith("_transposed") or f in CURVED else first
         parts[of] += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for w in WIDTHS]
         if of == second:
             backwards[f] = symbols

@@ -2,7 +2,7 @@
  *
  * A file calls files of lower rows only; tests/test_layers.py reads the rows:
  *
- *     control, backwards                                   a motion step by step; its adjoint
+ *     control, backwards, curvature                        a motion step by step; its adjoint; tangents of the adjoint
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and start; the adjoint of a step, and of switches
  *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
  *                                                           derivatives; the adjoint of a state

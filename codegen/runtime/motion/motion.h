@@ -32,6 +32,8 @@ typedef struct {
     ordernm_scalar *switches, *dswitches;
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
+    const ordernm_scalar *b; /* weights of udot in Hessian products, whose results follow */
+    ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *work;
     void *precise_work;       /* of long doubles */
 } ordernm_call;
@@ -90,6 +92,7 @@ typedef struct {
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
+    ordernm_function *hessian_products[ORDERNM_WIDTHS];
 } ordernm_system;
 
 /* ---- Input. ---- */
@@ -285,6 +288,38 @@ void ordernm_adjoint_end(ordernm_adjoint *adjoint);
  * numbers and, in models with switches, modes and rates of crossed switches; and the data before the first step. */
 enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
+
+/* ---- Hessian products: tangents of the gradients along the problem's directions. ---- */
+
+/* Explicit methods, models without loops, switches and quaternions. With k directions, records have 1 + k rows: values, then derivatives
+ * along each direction. Sources are derivatives of a functional by the state, the parameters and the inputs, and the tangents of these
+ * derivatives: [1 + k][nq + nu + np + ninputs]. */
+typedef struct {
+    long ntimes;
+    const ordernm_scalar *times;      /* increasing times of weighted outputs, from the start to the end */
+    ordernm_scalar *states;           /* [ntimes][1 + k][nq + nu]: states at these times, set by ordernm_tangents */
+    const ordernm_scalar *sources;    /* [ntimes]: sources at these times */
+    /* Gradients and Hessian products. The caller sets p and inputs to zero. */
+    ordernm_scalar *start, *p, *inputs; /* [1 + k][nq + nu], [np], [count][nsignals] */
+    long products;
+} ordernm_hessians;
+
+typedef struct ordernm_curvature ordernm_curvature;
+
+/* Number of doubles of memory; starts. ordernm_tangents repeats steps that ordernm_go stored, in the order of time, and stores the states
+ * at their stages, and the times and weights of integrands there: records [count][all], and [count][all][2], both set to zero by the
+ * caller, where `all` is ordernm_hessians_stages. Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one.
+ * Then, for each functional: ordernm_hessians_turn, the parts backwards, and ordernm_hessians_end. Sources of integrands are
+ * [count][all], or 0. */
+long ordernm_hessians_room(const ordernm_problem *problem);
+ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
+int ordernm_hessians_stages(const ordernm_curvature *curvature);
+int ordernm_tangents(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, ordernm_scalar until, ordernm_scalar *stages,
+    ordernm_scalar *nodes);
+void ordernm_hessians_turn(ordernm_curvature *curvature);
+int ordernm_hessians_backwards(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, const ordernm_scalar *stages,
+    const ordernm_scalar *integrands);
+void ordernm_hessians_end(ordernm_curvature *curvature);
 
 #ifdef __cplusplus
 }

@@ -2031,6 +2031,7 @@ class Solver(Package):
         inputs: Any = None, *, wrt: Sequence[str] | str = (), method: str = "auto", dq0: Numbers = None, du0: Numbers = None,
         rtol: float = RTOL, atol: Any = ATOL, integrator: str = METHOD, step: float | None = None,
         largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
+        hessian: Numbers | bool = None,
     ) -> Judged:  # fmt: skip
         """Return values of functionals of a motion and their gradients, exact for the steps taken.
 
@@ -2061,11 +2062,15 @@ class Solver(Package):
             Maximum number of steps.
         memory : int, optional
             Bytes in which the adjoint keeps steps. Steps that do not fit are computed twice.
+        hessian : bool or array_like (r, k), optional
+            Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Exact
+            for the steps taken, whose sizes count as constants, as do dq0 and du0. For explicit integrators and models
+            without loops, quaternions and branches, generated with ``hessian_products``; `method` is then the adjoint.
 
         Returns
         -------
         Judged
-            `values` (m,), `gradients` (m, k) and the method that was used.
+            `values` (m,), `gradients` (m, k), `hessian_products` (m, r, k) and the method that was used.
 
         Raises
         ------
@@ -2083,7 +2088,9 @@ class Solver(Package):
         """
         # long: the docstring describes every argument
         settings = Settings(integrator, rtol, atol, step, largest_step, most_steps, keyword="integrator")
-        return self._motions.judge(t, functionals, Start(q, u, p, inputs, wrt, dq0, du0), method, settings, memory)
+        return self._motions.judge(
+            t, functionals, Start(q, u, p, inputs, wrt, dq0, du0), method, settings, memory, hessian
+        )
 
     @functools.cached_property
     def _motions(self) -> FunctionalGradients:

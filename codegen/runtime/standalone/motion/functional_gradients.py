@@ -13,6 +13,8 @@ from ..arrays import Array
 from ..calls.arguments import some
 from ..calls.non_finite import outputs_without
 from ..errors import SimulationError
+from ..statics.jets import Jet
+from ..statics.second_derivatives import SecondDerivatives
 from ..trajectory.events import BY_STATE, Crossing, Event, crossing_speed
 from ..trajectory.events import DIRECTIONS as CROSSINGS
 from ..warning import warn
@@ -20,6 +22,7 @@ from .adjoint import Adjoint, segment_backwards
 from .directions import Directions
 from .flat_poses import lost_directions, what_is_lost
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
+from .hessians import check_supported, curvature_of, directions_of
 from .problem import Problem, Run
 from .settings import Settings, Start
 from .simulation import MEANINGLESS, Simulation, meaningless
@@ -60,6 +63,7 @@ class FunctionalGradients(Simulation):
         method: str,
         settings: Settings,
         memory: int,
+        hessian: Any = None,
     ) -> Judged:
         """See `Solver.judge`."""
         if method not in GRADIENTS:
@@ -89,6 +93,9 @@ class FunctionalGradients(Simulation):
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
+        along = directions_of(hessian, directions.names)
+        if along is not None:
+            return self._with_hessian(wanted, problem, directions, along, first, memory)
         way = self._way(method, len(wanted), directions.k, settings.method)
         found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
         if (
@@ -129,6 +136,63 @@ class FunctionalGradients(Simulation):
             return None
         self._check(gradients, weights, directions, problem, run, set())
         return values, gradients, run.counts | {f"adjoint_{name}": n for name, n in back.counts.items()}
+
+    def _with_hessian(
+        self,
+        wanted: list[Functional],
+        along: Problem,
+        directions: Directions,
+        factors: Array,
+        first: Start,
+        memory: int,
+    ) -> Judged:
+        """Values, gradients and Hessian products along combinations (r, k) of the directions."""
+        check_supported(self, along.method, wanted)
+        problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
+        run = self._run(problem, keep_steps=True, memory=memory)
+        nothing = Directions((), directions.dq, directions.du, directions.dp, None, True)
+        _, values, weights = self._values(wanted, [], problem, run, nothing)
+        (segment,) = run.segments
+        dinputs = None if along.dinputs is None else np.einsum("rk,kci->rci", factors, along.dinputs)
+        combined = replace(
+            along, dq=factors @ along.dq, du=factors @ along.du, dp=factors @ along.dp, dinputs=dinputs, kept=[]
+        )
+        motion = self._motion(segment.opened)
+        self._in_c(segment.opened).run_backwards(motion[2])
+        found = curvature_of(
+            motion, segment.opened, segment, combined, wanted, weights.times, weights.outputs, weights.integrals,
+            self.output_names, memory,
+        )  # fmt: skip
+        changes = found.state @ np.concatenate([along.dq, along.du], axis=1).T + found.p @ directions.dp.T
+        if along.dinputs is not None:
+            changes = changes + np.einsum("mrci,kci->mrk", found.inputs, along.dinputs)
+        gradients, products = changes[:, 0].copy(), changes[:, 1:].copy()
+        if not directions.given and (first.q is None or first.u is None) and not self.states.initial_is_fixed:
+            products += self._of_first_state(found.state[:, 0], directions.dp, factors, first, problem)
+        self._check(gradients, weights, directions, problem, run, set())
+        if not np.isfinite(products).all():
+            warn(
+                f"{self.name}: Hessian products of judge are not finite: second derivatives do not exist in this motion"
+            )
+        counts = run.counts | {"hessian_products": found.products}
+        return Judged(values, gradients, directions.names, "adjoint", counts, products)
+
+    def _of_first_state(self, by_state: Array, dp: Array, factors: Array, first: Start, problem: Problem) -> Array:
+        """Contribution (m, r, k) of second derivatives of the model's initial state, a function of the parameters."""
+        if "initial_at_rest" in self._manifest:
+            raise ValueError(
+                "hessian: the model's initial state is an equilibrium that depends on parameters; allowed are "
+                "initial values that are numbers or formulas. Give q and u of that equilibrium, which then count as constant"
+            )
+        p = Jet(problem.p, (factors @ dp).T)
+        functions = SecondDerivatives(self._opened)
+        found = functions.along("initial_sensitivities", {"p": p}, {"dp": dp})
+        by_name = dict(zip(functions.functions["initial_sensitivities"].results, found, strict=True))
+        total = np.zeros((len(by_state), len(factors), len(dp)))
+        for name, given, of in (("dq", first.q, by_state[:, : self.nq]), ("du", first.u, by_state[:, self.nq :])):
+            if given is None:
+                total += np.einsum("mi,kir->mrk", of, by_name[name].slope)
+        return total
 
     def _values(
         self, wanted: list[Functional], events: list[Event], problem: Problem, run: Run, directions: Directions

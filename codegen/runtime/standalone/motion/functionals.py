@@ -219,6 +219,8 @@ class Judged:
         "forward" or "adjoint"; "none" if no gradient was requested.
     counts : dict
         Steps and evaluations of the motion, and of the adjoint.
+    hessian_products : ndarray (m, r, k)
+        Products of the functionals' Hessians with r directions; empty if none was requested.
     """
 
     values: Array
@@ -226,6 +228,7 @@ class Judged:
     names: tuple[str, ...]
     method: str
     counts: dict[str, Any]
+    hessian_products: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
 
     def __repr__(self) -> str:
         lines = [f"Judged: {len(self.values)} value{'s' * (len(self.values) != 1)}, gradients: {self.method}"]

@@ -1,0 +1,333 @@
+/* Hessian products of functionals by the discrete adjoint, along directions: tangents of the original steps forwards, then the adjoint
+ * and its tangents backwards.
+ *
+ * With the notation of explicit_backwards.c, and d for changes along a direction,
+ *
+ *     dY_i = dz + h sum a_ij dk_j,  dkappa_j = h (b_j dlambda + sum_i>j a_ij dnu_i),
+ *     dnu_j = f_z(Y_j)^T dkappa_j + (f_zz dY_j + f_zp dp)^T kappa_j,  dlambda <- dlambda + sum dnu_j.
+ *
+ * The first term is a transpose with other weights, the second one is a Hessian product. Adjoints have the layout of the state z, so that
+ * tangents stand behind the values. */
+#include "inside.h"
+
+#include <string.h>
+
+struct ordernm_curvature {
+    ordernm_problem problem;
+    ordernm_results none;
+    ordernm_hessians *found;
+    ordernm_motion *motion;
+    int n, all;                       /* entries of the state with derivatives; stages of a step with those of its interpolant */
+    long next, left;                  /* numbers of times passed forwards, and still to process backwards */
+    scalar *lambda, *kappa[MOST_STAGES], *nu;
+    scalar *dq, *du, *dp, *dinputs, *dt, *no_dt; /* results of transposes and Hessian products in lanes; zeros for time */
+};
+
+static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
+{
+    const ordernm_system *const s = problem->system;
+    memory of = {(char *)c, 0};
+    ordernm_curvature none;
+    ordernm_take(&of, sizeof none);
+    if (!c) c = &none;
+    c->lambda = ordernm_numbers(&of, size);
+    c->nu = ordernm_numbers(&of, size);
+    for (int i = 0; i < MOST_STAGES; ++i) c->kappa[i] = ordernm_numbers(&of, size);
+    scalar **const lanes[] = {&c->dq, &c->du, &c->dp, &c->dinputs, &c->dt, &c->no_dt};
+    const long entries[] = {s->nq, s->nu, s->np, s->ninputs, 1, 1};
+    for (int i = 0; i < 6; ++i) *lanes[i] = ordernm_numbers(&of, entries[i]*LANES);
+    return of.used;
+}
+
+/* An upper bound of the size of a state with derivatives. */
+static long most(const ordernm_problem *p)
+{
+    const long n = p->system->nq + p->system->nu + p->nintegrals;
+    return ordernm_whole_lines(n) + (p->ndirections + LANES)*ordernm_whole_lines(n);
+}
+
+long ordernm_hessians_room(const ordernm_problem *problem)
+{
+    return 8 + (long)(lay_out(0, problem, most(problem))/sizeof(scalar)) + ordernm_room(problem);
+}
+
+ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, scalar *room)
+{
+    ordernm_curvature *const c = (ordernm_curvature *)ordernm_line(room);
+    const size_t used = lay_out(0, problem, most(problem));
+    memset(c, 0, used);
+    lay_out(c, problem, most(problem));
+    c->problem = *problem;
+    c->found = found;
+    c->motion = ordernm_begin(&c->problem, (scalar *)((char *)c + used));
+    c->motion->results = &c->none;
+    c->n = problem->system->nq + problem->system->nu;
+    c->all = c->motion->method->all;
+    return c;
+}
+
+int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
+
+/* ---- Rows of Python's layout: the values, then the derivatives along each direction. ---- */
+
+static void unpack(const ordernm_curvature *c, const scalar *z, scalar *to)
+{
+    const ordernm_motion *const m = c->motion;
+    memcpy(to, z, c->n*sizeof(scalar));
+    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g)
+        for (int l = 0; l < g->used; ++l)
+            for (int i = 0; i < c->n; ++i) to[(1 + g->first + l)*c->n + i] = z[g->at + (long)i*g->width + l];
+}
+
+static void pack(const ordernm_curvature *c, const scalar *from, scalar *z)
+{
+    const ordernm_motion *const m = c->motion;
+    memcpy(z, from, c->n*sizeof(scalar));
+    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g)
+        for (int l = 0; l < g->used; ++l)
+            for (int i = 0; i < c->n; ++i) z[g->at + (long)i*g->width + l] = from[(1 + g->first + l)*c->n + i];
+}
+
+/* ---- Forwards. ---- */
+
+static const int every[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+/* The states at the times of outputs within a step, from the rates of its stages. */
+static void states_within(ordernm_curvature *c, scalar h, scalar until)
+{
+    ordernm_motion *const m = c->motion;
+    ordernm_hessians *const found = c->found;
+    scalar factor[MOST_STAGES];
+    for (; c->next < found->ntimes && found->times[c->next] <= until; ++c->next) {
+        m->method->weights((found->times[c->next] - m->t)/h, factor);
+        ordernm_combine(m->size, m->trial, m->z, h, c->all, every, factor, m->rate);
+        unpack(c, m->trial, found->states + c->next*(1L + c->problem.ndirections)*c->n);
+    }
+}
+
+int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scalar until, scalar *stages, scalar *nodes)
+{
+    ordernm_motion *const m = c->motion;
+    const scheme *const method = m->method;
+    const row *const end = method->rows + method->stages;
+    const long size = ordernm_step_size(m->problem), record = (1L + c->problem.ndirections)*c->n;
+    for (long k = 0; k < count; ++k, steps += size, stages += c->all*record, nodes += 2*c->all) {
+        const scalar h = steps[1], to = k + 1 < count ? steps[size] : until;
+        m->t = steps[0];
+        memcpy(m->z, steps + m->head, (m->ny + m->nx)*sizeof(scalar));
+        if (!(h > 0.0)) continue;
+        ordernm_find_segment(m, m->t, h);
+        if (c->next < c->found->ntimes && c->found->times[c->next] <= m->t) { /* only at the motion's start */
+            unpack(c, m->z, c->found->states + c->next*record);
+            ++c->next;
+        }
+        const int within = c->next < c->found->ntimes && c->found->times[c->next] <= to;
+        for (int i = 0; i < (within ? c->all : method->stages); ++i) {
+            const row *const r = method->rows + i;
+            if (i) ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
+            const scalar *const z = i ? m->trial : m->z;
+            const int status = ordernm_rates_of(m, m->t + method->times[i]*h, z, m->rate[i], m->ngroups, m->groups, RATES);
+            if (status) return status;
+            unpack(c, z, stages + i*record);
+            nodes[2*i] = m->t + method->times[i]*h;
+        }
+        if (within) states_within(c, h, to);
+        for (int j = 0; j < end->count; ++j) nodes[2*end->which[j] + 1] = h*end->factor[j];
+        ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
+        ordernm_exchange(&m->z, &m->next);
+    }
+    return 0;
+}
+
+/* ---- Backwards. ---- */
+
+/* Adds gradients by inputs at a time to those by the values of their splines; `row` is 0 for values, 1 + k along direction k. */
+static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int width, long row, int used, scalar factor)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const ordernm_inputs *const in = &m->problem->inputs;
+    scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
+    const int signals = ordernm_signals(s);
+    const long first = ordernm_input_weights(m, t, value);
+    for (int i = 0; i < s->ninputs; ++i) {
+        int order;
+        const int signal = ordernm_signal_of(s, i, &order);
+        for (int b = 0; b <= in->degree; ++b)
+            for (int l = 0; l < used; ++l)
+                c->found->inputs[((row + l)*in->count + first + b)*signals + signal] += factor*value[order][b]*of[i*width + l];
+    }
+}
+
+/* Adds the results of a function to an adjoint and to the gradients: of values, or of the directions of a group. */
+static void add(ordernm_curvature *c, scalar t, scalar *nu, const group *g)
+{
+    const ordernm_system *const s = c->motion->system;
+    const int width = g ? g->width : 1, used = g ? g->used : 1;
+    const long row = g ? 1 + g->first : 0;
+    scalar *const to = nu + (g ? g->at : 0);
+    for (int i = 0; i < s->nq*width; ++i) to[i] += c->dq[i];
+    for (int i = 0; i < s->nu*width; ++i) to[s->nq*width + i] += c->du[i];
+    for (int l = 0; l < used; ++l)
+        for (int i = 0; i < s->np; ++i) c->found->p[(row + l)*s->np + i] += c->dp[i*width + l];
+    if (s->ninputs) add_inputs(c, t, c->dinputs, width, row, used, 1.0);
+}
+
+/* Clears the memory of a function's results. */
+static void clear(ordernm_curvature *c, int width)
+{
+    const ordernm_system *const s = c->motion->system;
+    memset(c->dq, 0, s->nq*width*sizeof(scalar));
+    memset(c->du, 0, s->nu*width*sizeof(scalar));
+    memset(c->dp, 0, s->np*width*sizeof(scalar));
+    memset(c->dinputs, 0, s->ninputs*width*sizeof(scalar));
+}
+
+/* nu += f_z^T kappa for values, or for the directions of a group, whose weights are the tangents of kappa. */
+static int transposed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *kappa, scalar *nu, const group *g)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const int width = g ? g->width : 1;
+    const long at = g ? g->at : 0;
+    ordernm_call call;
+    ordernm_arguments(m, t, z, &call);
+    clear(c, width);
+    call.qdot = m->qdot, call.udot = m->udot;
+    call.dudot = (scalar *)kappa + at + s->nq*width;
+    call.dq = c->dq, call.du = c->du, call.dp = c->dp, call.dinputs = c->dinputs, call.dt = c->dt;
+    const int status = s->sensitivities_transposed[g ? g->index : ORDERNM_ONE](&call);
+    if (status) return status;
+    add(c, t, nu, g);
+    for (int i = 0; i < s->nq*width; ++i) nu[at + s->nq*width + i] += kappa[at + i]; /* rates of coordinates are speeds */
+    return 0;
+}
+
+/* Adds (f_zz dz + f_zp dp)^T kappa along the directions of a group. */
+static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar *kappa, scalar *nu, const group *g)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    ordernm_call call;
+    ordernm_arguments(m, t, z, &call);
+    ordernm_seeds(m, t, z, g, &call);
+    clear(c, g->width);
+    call.dt = c->no_dt;
+    call.b = kappa + s->nq;
+    call.dgq = c->dq, call.dgu = c->du, call.dgp = c->dp, call.dginputs = c->dinputs, call.dgt = c->dt;
+    const int status = s->hessian_products[g->index](&call);
+    ++c->found->products;
+    if (!status) add(c, t, nu, g);
+    return status;
+}
+
+static int any(const scalar *x, long n)
+{
+    for (long i = 0; i < n; ++i)
+        if (x[i] != 0.0) return 1;
+    return 0;
+}
+
+static void accumulate(scalar *to, scalar factor, const scalar *of, long n)
+{
+    for (long i = 0; i < n; ++i) to[i] += factor*of[i];
+}
+
+/* Adds `factor` times the derivatives of weighted outputs at a state, [1 + k][nq + nu + np + ninputs]. */
+static void add_source(ordernm_curvature *c, scalar t, scalar factor, const scalar *source, scalar *nu)
+{
+    const ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const long length = c->n + s->np + s->ninputs;
+    for (long d = 0; d <= c->problem.ndirections; ++d, source += length) {
+        const group *const g = d ? m->groups + (d - 1)/LANES : 0;
+        const long at = g ? g->at + d - 1 - g->first : 0, stride = g ? g->width : 1;
+        for (int i = 0; i < c->n; ++i) nu[at + i*stride] += factor*source[i];
+        for (int i = 0; i < s->np; ++i) c->found->p[d*s->np + i] += factor*source[c->n + i];
+        if (s->ninputs) add_inputs(c, t, source + c->n + s->np, 1, d, 1, factor);
+    }
+}
+
+/* Adds the adjoints of the outputs at times within the current step. */
+static void samples_back(ordernm_curvature *c, scalar h, const scalar *sources)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_hessians *const found = c->found;
+    const long record = (1L + c->problem.ndirections)*(c->n + m->system->np + m->system->ninputs);
+    scalar factor[MOST_STAGES];
+    for (; c->left > 0 && found->times[c->left - 1] > m->t; --c->left) {
+        const scalar at = found->times[c->left - 1];
+        memset(c->nu, 0, m->size*sizeof(scalar));
+        add_source(c, at, 1.0, sources + (c->left - 1)*record, c->nu);
+        accumulate(c->lambda, 1.0, c->nu, m->size);
+        m->method->weights((at - m->t)/h, factor);
+        for (int j = 0; j < c->all; ++j) accumulate(c->kappa[j], h*factor[j], c->nu, m->size);
+    }
+}
+
+static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const scalar *integrands)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const scheme *const method = m->method;
+    const row *const end = method->rows + method->stages;
+    const long record = (1L + c->problem.ndirections)*c->n;
+    const long source = (1L + c->problem.ndirections)*(c->n + s->np + s->ninputs);
+    scalar weight[MOST_STAGES] = {0.0};
+    int status;
+    for (int i = 0; i < c->all; ++i) memset(c->kappa[i], 0, m->size*sizeof(scalar));
+    for (int j = 0; j < end->count; ++j) {
+        weight[end->which[j]] = h*end->factor[j];
+        accumulate(c->kappa[end->which[j]], h*end->factor[j], c->lambda, m->size);
+    }
+    if (c->left > 0 && c->found->times[c->left - 1] > m->t) samples_back(c, h, c->found->sources);
+    for (int i = c->all - 1; i >= 0; --i) {
+        const row *const r = method->rows + i;
+        const scalar t = m->t + method->times[i]*h, *const kappa = c->kappa[i];
+        const int integrand = integrands && weight[i] != 0.0;
+        if (!integrand && !any(kappa, m->size)) continue;
+        pack(c, stages + i*record, m->trial);
+        memset(c->nu, 0, m->size*sizeof(scalar));
+        if ((status = transposed(c, t, m->trial, kappa, c->nu, 0))) return status;
+        for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) {
+            if ((status = transposed(c, t, m->trial, kappa, c->nu, g))) return status;
+            if ((status = curved(c, t, m->trial, kappa, c->nu, g))) return status;
+        }
+        if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
+        accumulate(c->lambda, 1.0, c->nu, m->size);
+        for (int j = 0; j < r->count; ++j) accumulate(c->kappa[r->which[j]], h*r->factor[j], c->nu, m->size);
+    }
+    return 0;
+}
+
+void ordernm_hessians_turn(ordernm_curvature *c)
+{
+    memset(c->lambda, 0, c->motion->size*sizeof(scalar));
+    c->left = c->found->ntimes;
+}
+
+int ordernm_hessians_backwards(ordernm_curvature *c, const scalar *steps, long count, const scalar *stages, const scalar *integrands)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const long size = ordernm_step_size(m->problem), k = 1L + c->problem.ndirections;
+    for (long i = count - 1; i >= 0; --i) {
+        const scalar *const step = steps + i*size;
+        m->t = step[0];
+        if (!(step[1] > 0.0)) continue;
+        ordernm_find_segment(m, m->t, step[1]);
+        const long source = c->all*k*(c->n + s->np + s->ninputs);
+        const int status = step_back(c, step[1], stages + i*c->all*k*c->n, integrands ? integrands + i*source : 0);
+        if (status) return status;
+    }
+    return 0;
+}
+
+void ordernm_hessians_end(ordernm_curvature *c)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const long source = (1L + c->problem.ndirections)*(c->n + s->np + s->ninputs);
+    for (; c->left > 0; --c->left) add_source(c, m->t, 1.0, c->found->sources + (c->left - 1)*source, c->lambda);
+    unpack(c, c->lambda, c->found->start);
+}

@@ -1,0 +1,188 @@
+"""Hessian products of functionals of motions: against gradients in 40 digits, symmetry, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FUNCTIONS = "motion,hessian_products,sensitivities"
+DIGITS, APART = 40, "1e-12"
+FIXED = {"integrator": "rk4", "step": 0.05}
+WRT = ("pole_length", "bob_mass", "cart_damping", "q0.pole", "u0.cart", "inputs.push[1]", "inputs.push[2]")
+TIMES, PUSH = np.linspace(0.0, 1.0, 4), np.array([1.0, -2.0, 3.0, 0.5])
+START = {"q": [0.1, 0.7], "u": [0.3, -0.4]}
+EVERY = [
+    Final("tip_x"), At("tip_z", 0.53), Integral("effort"), Integral("kinetic"),
+    LeastSquares([0.0, 0.2, 0.77, 1.0], {"angle": [0.1, 0.2, np.nan, 0.3], "tip_x": [0.0, 0.1, 0.2, 0.3]}, sigma=0.1),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def solver(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
+    folder = tmp_path_factory.mktemp("swing") / "package"
+    codegen.generate(EXAMPLES / "swing_up.yaml", folder, functions=FUNCTIONS)
+    return codegen.load(folder)
+
+
+def judged(solver: codegen.Solver, **more: Any) -> Any:
+    return solver.judge(1.0, EVERY, **START, inputs=(TIMES, PUSH, "linear"), wrt=WRT, **more)
+
+
+class Exact:
+    """The classical method with fixed steps in 40 digits: gradients by forward sensitivities, differences of them."""
+
+    def __init__(self, solver: codegen.Solver, steps: int, seconds: float):
+        self.exact = solver.in_precision(DIGITS)
+        self.mp = __import__("mpmath").mp.clone()
+        self.mp.dps = DIGITS
+        self.number = np.frompyfunc(self.mp.mpf, 1, 1)
+        self.steps, self.h, self.solver = steps, self.mp.mpf(seconds) / steps, solver
+
+    def gradients(self, q: Any, u: Any, p: Any, inputs: Any, names: list[str]) -> Any:
+        """Derivatives (names, k) of outputs at the end, by all entries of q, u and p."""
+        nq, k = len(q), 2 * len(q) + len(p)
+        unit = self.number(np.eye(k))
+        dq, du, dp = unit[:, :nq], unit[:, nq : 2 * nq], unit[:, 2 * nq :]
+
+        def rate(q: Any, u: Any, dq: Any, du: Any) -> tuple[Any, ...]:
+            udot, dudot = self.exact.sensitivities(q, u, p, inputs, self.mp.mpf(0), dq=dq, du=du, dp=dp)
+            return u, udot, du, dudot
+
+        z = (self.number(q), self.number(u), dq, du)
+        for _ in range(self.steps):
+            k1 = rate(*z)
+            k2 = rate(*(x + self.h / 2 * y for x, y in zip(z, k1, strict=True)))
+            k3 = rate(*(x + self.h / 2 * y for x, y in zip(z, k2, strict=True)))
+            k4 = rate(*(x + self.h * y for x, y in zip(z, k3, strict=True)))
+            z = tuple(x + self.h / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(z, k1, k2, k3, k4, strict=True))
+        q, u, dq, du = z
+        found = self.exact.output_sensitivities(q, u, p, inputs, self.mp.mpf(0), dq=dq, du=du, dp=dp)[1]
+        return np.array([found[:, self.solver.output_names.index(n)] for n in names])
+
+    def hessian(self, q: Any, u: Any, p: Any, inputs: Any, names: list[str]) -> Any:
+        x = self.number(np.concatenate([q, u, p]))
+        parts = (len(q), len(q) + len(u))
+        found = []
+        for i in range(len(x)):
+            ends = []
+            for sign in (1, -1):
+                moved = x.copy()
+                moved[i] += sign * self.mp.mpf(APART)
+                ends.append(self.gradients(*np.split(moved, parts), self.number(inputs), names))
+            found.append((ends[0] - ends[1]) / (2 * self.mp.mpf(APART)))
+        return np.array(found).astype(float).transpose(1, 0, 2)
+
+
+def test_hessians_equal_differences_of_gradients_in_40_digits(solver: codegen.Solver) -> None:
+    q, u, p = np.array([0.1, 0.7]), np.array([0.3, -0.4]), np.array([1.0, 0.6, 0.1, 0.2, 0.1, 0.002])
+    names = ["tip_x", "tip_z", "kinetic", "angle"]
+    wrt = ("q0.cart", "q0.pole", "u0.cart", "u0.pole", *solver.parameter_names)
+    found = solver.judge(
+        0.3, [Final(n) for n in names], q, u, p, [2.0], wrt=wrt, hessian=True, integrator="rk4", step=0.1
+    ).hessian_products  # fmt: skip
+    wanted = Exact(solver, 3, 0.3).hessian(q, u, p, [2.0], names)
+    assert np.abs(wanted).max() > 0.1
+    for one, other in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-13 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("method", [FIXED, {"integrator": "dop853", "rtol": 1e-6, "atol": 1e-6}])
+def test_products_are_symmetric_and_gradients_those_of_the_adjoint(solver: codegen.Solver, method: Any) -> None:
+    plain = judged(solver, method="adjoint", **method)
+    found = judged(solver, hessian=True, **method)
+    assert found.hessian_products.shape == (len(EVERY), len(WRT), len(WRT))
+    np.testing.assert_allclose(found.values, plain.values, rtol=0, atol=0)
+    np.testing.assert_allclose(found.gradients, plain.gradients, rtol=1e-12, atol=1e-13)
+    for hessian in found.hessian_products:
+        assert np.abs(hessian).max() > 0.0
+        np.testing.assert_allclose(hessian, hessian.T, rtol=0, atol=1e-12 * np.abs(hessian).max())
+
+
+def test_hessians_of_every_functional_equal_differences(solver: codegen.Solver) -> None:
+    """Central differences of order six in double: a coarse check of inputs, integrals, and least squares."""
+    found = judged(solver, hessian=True, **FIXED).hessian_products
+    base = dict(zip(solver.parameter_names, (1.0, 0.6, 0.1, 0.2, 0.1, 0.002), strict=True))
+
+    def gradients(name: str, by: float) -> np.ndarray:
+        p, q, u, push = dict(base), list(START["q"]), list(START["u"]), PUSH.copy()
+        if name in p:
+            p[name] += by
+        elif name.startswith("inputs"):
+            push[int(name[-2])] += by
+        else:
+            (q if name == "q0.pole" else u)[name == "q0.pole"] += by
+        return solver.judge(
+            1.0, EVERY, q, u, p, (TIMES, push, "linear"), wrt=WRT, method="adjoint", **FIXED
+        ).gradients  # fmt: skip
+
+    h = 2e-3
+    for i, name in enumerate(WRT):
+        sides = [gradients(name, n * h) - gradients(name, -n * h) for n in (1, 2, 3)]
+        wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h)
+        scale = np.abs(found).max(axis=(1, 2))
+        assert (np.abs(found[:, i] - wanted).max(axis=1) <= 1e-8 * scale).all(), name
+
+
+def test_directions_combine_variables_and_many_are_computed_in_parts(solver: codegen.Solver) -> None:
+    whole = judged(solver, hessian=True, **FIXED).hessian_products
+    factors = np.random.default_rng(34).normal(size=(11, len(WRT)))
+    found = judged(solver, hessian=factors, **FIXED).hessian_products
+    assert found.shape == (len(EVERY), 11, len(WRT))
+    scale = np.abs(whole).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose(found / scale, factors @ whole / scale, rtol=1e-10, atol=1e-11)
+
+
+def test_more_memory_than_allowed_is_refused(solver: codegen.Solver) -> None:
+    with pytest.raises(ValueError, match=r"hessian: 21 steps with tangents need .* MB; make memory larger"):
+        judged(solver, hessian=True, memory=1000, **FIXED)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"hessian": [1.0, 2.0]}, r"hessian is \[1.0, 2.0\]; allowed are True, .* or directions \(r, 7\)"),
+        ({"hessian": [np.nan] * 7}, "hessian: directions must be finite"),
+        ({"hessian": True, "integrator": "radau"}, "integrator is 'radau'; allowed are 'dop853' and 'rk4'"),
+    ],
+)
+def test_bad_arguments_are_refused(solver: codegen.Solver, more: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        judged(solver, **more)
+
+
+def test_other_refusals(solver: codegen.Solver) -> None:
+    with pytest.raises(ValueError, match="nothing to differentiate by; name variables in wrt"):
+        solver.judge(1.0, Final("tip_x"), hessian=True)
+    with pytest.raises(ValueError, match="a functional is AtEvent; allowed are Final, At, Integral and LeastSquares"):
+        solver.judge(1.0, AtEvent("t", Event("angle")), wrt="pole_length", hessian=True)
+
+
+def test_a_package_without_the_function_says_which(tmp_path: Path) -> None:
+    codegen.generate(EXAMPLES / "swing_up.yaml", tmp_path / "package", functions="motion")
+    solver = codegen.load(tmp_path / "package")
+    with pytest.raises(codegen.runtime.PackageError, match="without hessian_products; generate it with --functions"):
+        solver.judge(1.0, Final("tip_x"), wrt="pole_length", hessian=True)
+
+
+def test_second_derivatives_of_initial_values_count(tmp_path: Path) -> None:
+    text = (EXAMPLES / "swing_up.yaml").read_text()
+    model = tmp_path / "formula.yaml"
+    model.write_text(text + "\ninitial:\n  q: {pole: sin(pole_length**2)}\n")
+    codegen.generate(model, tmp_path / "package", functions=FUNCTIONS)
+    solver = codegen.load(tmp_path / "package")
+    wrt = ("pole_length", "bob_mass")
+    found = solver.judge(0.5, Final("tip_x"), wrt=wrt, hessian=True, **FIXED).hessian_products[0]
+    h, ends = 1e-3, []
+    for n in (1, -1, 2, -2, 3, -3):
+        p = {"pole_length": 0.6 + n * h}
+        ends.append(solver.judge(0.5, Final("tip_x"), p=p, wrt=wrt, method="adjoint", **FIXED).gradients[0])
+    wanted = (45 * (ends[0] - ends[1]) - 9 * (ends[2] - ends[3]) + (ends[4] - ends[5])) / (60 * h)
+    np.testing.assert_allclose(found[0], wanted, rtol=1e-8)
+    np.testing.assert_allclose(found, found.T, rtol=0, atol=1e-12 * np.abs(found).max())
