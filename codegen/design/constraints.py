@@ -33,13 +33,34 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
     return low, high
 
 
-def nonlinear(point: At, at: slice, low: Array, high: Array) -> Any:
+Curvature = Callable[[ArrayLike, Array], Array]
+"""A function of x and a direction that returns products (m, n) of the functionals' Hessians with it."""
+
+
+def nonlinear(point: At, at: slice, low: Array, high: Array, curvature: Curvature) -> Any:
     """The constraint low <= functionals <= high, as a `scipy.optimize.NonlinearConstraint`."""
     from scipy.optimize import NonlinearConstraint
 
-    return NonlinearConstraint(
+    found = NonlinearConstraint(
         lambda x: point(x).functionals[at].copy(), low, high, jac=lambda x: point(x).gradients[at].copy()
     )
+    found.curvature = curvature
+    return found
+
+
+def with_exact_hessian(constraint: Any) -> Any:
+    """A copy of a constraint of `nonlinear` that gives trust-constr its exact Hessian; other constraints are returned."""
+    from scipy.optimize import NonlinearConstraint
+    from scipy.sparse.linalg import LinearOperator
+
+    if not hasattr(constraint, "curvature"):
+        return constraint
+
+    def hessian(x: Array, weights: Array) -> Any:
+        n = len(x)
+        return LinearOperator((n, n), matvec=lambda v: weights @ constraint.curvature(x, np.ravel(v)), dtype=float)
+
+    return NonlinearConstraint(constraint.fun, constraint.lb, constraint.ub, jac=constraint.jac, hess=hessian)
 
 
 def dictionaries(point: At, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
@@ -64,4 +85,4 @@ def _dictionary(point: At, kind: str, places: Any, sign: float, level: Array) ->
     }
 
 
-__all__ = ["bounds_of", "dictionaries", "nonlinear"]
+__all__ = ["bounds_of", "dictionaries", "nonlinear", "with_exact_hessian"]

@@ -95,6 +95,35 @@ class LoadCases(OfVariables):
             return float("inf"), np.full(len(self.variables), np.nan)
         return float(self.weights @ values), self.weights @ gradients
 
+    def hessp(self, x: ArrayLike, v: ArrayLike) -> Array:
+        """Return the product of the Hessian with a direction, as `Objective.hessp`.
+
+        Parameters
+        ----------
+        x, v : array_like (n,)
+            The point and the direction, numbers of order one.
+
+        Returns
+        -------
+        ndarray (n,)
+            The product.
+
+        Raises
+        ------
+        ValueError
+            If a case has no exact Hessian.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f = ordernm.load_cases([case], weights=[2.0])
+        >>> bool(np.allclose(f.hessp(f.x0, [1.0]), 2 * case.hessp(f.x0, [1.0])))
+        True
+        """
+        found: Array = self.weights @ np.array([case.hessp(x, v) for case in self.cases])
+        return found
+
     def error(self, x: ArrayLike) -> Exception:
         """Return the error with which the motion of the first failing case fails.
 

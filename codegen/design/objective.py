@@ -20,6 +20,7 @@ from ..runtime.standalone.motion.functionals import Functional, check_functional
 from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from .constraints import bounds_of, dictionaries, nonlinear
+from .curvature import Curvatures
 from .evaluated_points import Combine, Evaluation, Point
 from .failures import FAILURES
 from .outcome import Outcome
@@ -162,6 +163,7 @@ class Objective(OfVariables):
         self._weights, self._combine, self._on_failure = by, combine, on_failure
         self._known: OrderedDict[bytes, Point] = OrderedDict()
         self._last: Point | None = None
+        self._curvatures = Curvatures(solver, variables, self.start, self.end, self._functionals, options)
 
     # -- functions for optimisers -----------------------------------------------------------------------------------
 
@@ -197,7 +199,12 @@ class Objective(OfVariables):
         >>> constraint.fun(f.x0).shape, constraint.jac(f.x0).shape
         ((1,), (1, 1))
         """
-        return nonlinear(self._safe, *self._constrained(functionals, lower, upper))
+        at, low, high = self._constrained(functionals, lower, upper)
+
+        def curvature(x: ArrayLike, v: Array) -> Array:
+            return self._curvatures.products(x, v, range(at.start, at.stop))
+
+        return nonlinear(self._safe, at, low, high, curvature)
 
     def constraint_dicts(
         self, functionals: Functional | Sequence[Functional], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
@@ -236,6 +243,43 @@ class Objective(OfVariables):
         self._functionals += wanted
         self._known.clear()
         return slice(first, first + len(wanted)), low, high
+
+    # -- curvature -----------------------------------------------------------------------------------------------------
+
+    def hessp(self, x: ArrayLike, v: ArrayLike) -> Array:
+        """Return the product of the Hessian with a direction, for SciPy's ``trust-krylov``, ``trust-ncg``, ``trust-constr``.
+
+        Exact for the steps of the motion at x. See ``hessian`` of `Solver.judge` for the models that have it. Up to 32
+        variables, the whole Hessian is computed once for each x.
+
+        Parameters
+        ----------
+        x, v : array_like (n,)
+            The point and the direction, numbers of order one.
+
+        Returns
+        -------
+        ndarray (n,)
+            The product; zeros where the motion fails.
+
+        Raises
+        ------
+        ValueError
+            If the objective has no exact Hessian.
+
+        Examples
+        --------
+        >>> from ordernm.runtime import Final
+        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f.hessp(f.x0, [1.0]).shape
+        (1,)
+        """
+        if self._combine is not None:
+            raise ValueError(
+                "objective: combine has no second derivatives; Hessians need weights= instead, or none of the two"
+            )
+        found: Array = self._weights @ self._curvatures.products(x, v, range(len(self._weights)))
+        return found
 
     # -- motions -------------------------------------------------------------------------------------------------------
 

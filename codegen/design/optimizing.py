@@ -12,11 +12,15 @@ from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
 from ..terminal import working
+from .constraints import with_exact_hessian
 from .load_cases import LoadCases
 from .objective import Objective
 
-METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
-"""Methods of `scipy.optimize.minimize` that take gradients and bounds; the first does not take constraints."""
+NEWTON = ("trust-krylov", "trust-ncg")
+"""Methods of `scipy.optimize.minimize` that take Hessian products, without bounds and constraints."""
+
+METHODS = ("L-BFGS-B", "SLSQP", "trust-constr", *NEWTON)
+"""Methods of `scipy.optimize.minimize`. The first three take gradients and bounds; the first takes no constraints."""
 
 INSIDE = 1e-6
 """Least distance of the start of trust-constr from the bounds, in an optimiser's x."""
@@ -33,7 +37,7 @@ STEP_BACK = 10.0
 
 def optimize(
     objective: Objective | LoadCases, method: str | None = None, *, constraints: Any = (), x0: ArrayLike | None = None,
-    tol: float | None = None, callback: Any = None, **options: Any,
+    tol: float | None = None, callback: Any = None, hessian: bool = False, **options: Any,
 ) -> Any:  # fmt: skip
     """Minimise an `Objective` or `LoadCases` with `scipy.optimize.minimize`.
 
@@ -43,8 +47,9 @@ def optimize(
     ----------
     objective : Objective or LoadCases
         The function.
-    method : {"L-BFGS-B", "SLSQP", "trust-constr"}, optional
-        SciPy's method. Left out: SLSQP with constraints, else L-BFGS-B.
+    method : {"L-BFGS-B", "SLSQP", "trust-constr", "trust-krylov", "trust-ncg"}, optional
+        SciPy's method. Left out: SLSQP with constraints, else L-BFGS-B. The last two are Newton's method with exact
+        Hessian products; they take neither bounds nor constraints.
     constraints : constraint or sequence of constraints, optional
         Results of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own constraints.
     x0 : array_like (n,), optional
@@ -53,6 +58,8 @@ def optimize(
         As in `scipy.optimize.minimize`.
     callback : callable, optional
         As in `scipy.optimize.minimize`.
+    hessian : bool, optional
+        Give trust-constr exact Hessians of the objective and of its constraints, instead of SciPy's approximations.
     **options
         Options of the method, such as ``maxiter=50``.
 
@@ -90,14 +97,23 @@ def optimize(
         raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
     if method == "L-BFGS-B" and constraints:
         raise ValueError("method 'L-BFGS-B' does not take constraints; use 'SLSQP' or 'trust-constr'")
+    if hessian and method != "trust-constr":
+        raise ValueError(f"hessian is for method 'trust-constr', and method is {method!r}; leave hessian out")
+    more: dict[str, Any] = {"bounds": objective.bounds, "constraints": constraints}
+    if method in NEWTON:
+        _check_newton(objective, method, constraints)
+        more = {}
+    if hessian:
+        more["constraints"] = [with_exact_hessian(c) for c in constraints]
+    if hessian or method in NEWTON:
+        more["hessp"] = objective.hessp
     start = _start(objective, method, x0)
     judged = _SteppingBack(objective, start)
     # a callback or SciPy may print, which a status line would disturb
     prints = callback is not None or any(options.get(word) for word in ("disp", "iprint", "verbose"))
     with contextlib.nullcontext() if prints else working("optimizing"):
         result = minimize(
-            judged, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
-            callback=callback, options=options,
+            judged, start, jac=True, method=method, tol=tol, callback=callback, options=options, **more
         )  # fmt: skip
     result.outcome = objective.result(result.x)
     if not result.success and any(word in str(result.message) for word in STUCK):
@@ -105,6 +121,19 @@ def optimize(
             f"{result.message}; {_why_stuck(objective, result, max(judged.high - judged.low, abs(float(result.fun))))}"
         )
     return result
+
+
+def _check_newton(objective: Objective | LoadCases, method: str, constraints: Sequence[Any]) -> None:
+    """Refuses bounds and constraints, which these methods would ignore."""
+    v = objective.variables
+    if constraints:
+        raise ValueError(f"method {method!r} does not take constraints; use 'trust-constr' with hessian=True")
+    bounded = [n for n, low, high in zip(v.names, v.lower, v.upper, strict=True) if low > -math.inf or high < math.inf]
+    if bounded:
+        raise ValueError(
+            f"method {method!r} does not take bounds, and {bounded[0]} has bounds; give its variable as "
+            f"{{{bounded[0]!r}: None}}, or use 'trust-constr' with hessian=True"
+        )
 
 
 def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) -> Array:

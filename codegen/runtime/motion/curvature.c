@@ -284,12 +284,12 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
     for (int i = c->all - 1; i >= 0; --i) {
         const row *const r = method->rows + i;
         const scalar t = m->t + method->times[i]*h, *const kappa = c->kappa[i];
-        const int integrand = integrands && weight[i] != 0.0;
-        if (!integrand && !any(kappa, m->size)) continue;
+        const int integrand = integrands && weight[i] != 0.0, weighted = any(kappa, m->size);
+        if (!integrand && !weighted) continue;
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
-        if ((status = transposed(c, t, m->trial, kappa, c->nu, 0))) return status;
-        for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) {
+        if (weighted && (status = transposed(c, t, m->trial, kappa, c->nu, 0))) return status;
+        for (const group *g = m->groups; weighted && g < m->groups + m->ngroups; ++g) {
             if ((status = transposed(c, t, m->trial, kappa, c->nu, g))) return status;
             if ((status = curved(c, t, m->trial, kappa, c->nu, g))) return status;
         }

@@ -1,0 +1,85 @@
+"""Exact Hessian products of objectives, and the optimisers that use them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ordernm
+from ordernm.runtime import Final, Integral, LeastSquares
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+TIMES = np.linspace(0.0, 1.0, 5)
+
+
+@pytest.fixture(scope="module")
+def solver(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("swing") / "package"
+    ordernm.generate(EXAMPLES / "swing_up.yaml", folder, functions="motion,hessian_products")
+    return ordernm.load(folder)
+
+
+def made(solver: Any, bounds: Any = None, **more: Any) -> ordernm.Objective:
+    """Effort, and half the squared distance from a final state."""
+    aim = LeastSquares([1.0], {"angle": [1.0], "spin": [0.0], "place": [0.2]}, sigma=0.1)
+    return ordernm.objective(
+        solver, 1.0, [Integral("effort"), aim], {"inputs.push": bounds, "pole_length": ordernm.Variable(0.3, 1.2)}
+        if bounds else {"inputs.push": None}, inputs=(TIMES, np.sin(5 * TIMES), "linear"),
+        integrator="rk4", step=0.02, **({"weights": [0.02, 1.0]} | more),
+    )  # fmt: skip
+
+
+def test_products_equal_differences_of_gradients(solver: Any) -> None:
+    f = made(solver, (-20.0, 20.0))
+    v, h = np.random.default_rng(5).normal(size=len(f.x0)), 1e-3
+    sides = [f.gradient(f.x0 + n * h * v) - f.gradient(f.x0 - n * h * v) for n in (1, 2, 3)]
+    wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h)
+    np.testing.assert_allclose(f.hessp(f.x0, v), wanted, rtol=1e-7, atol=1e-7 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("method", ["trust-krylov", "trust-ncg"])
+def test_newton_finds_the_minimum_of_quasi_newton_with_fewer_motions(solver: Any, method: str) -> None:
+    newton, other = made(solver), made(solver)
+    found = ordernm.optimize(newton, method, gtol=1e-8)
+    wanted = ordernm.optimize(other, "L-BFGS-B", ftol=1e-15, gtol=1e-8)
+    assert found.success
+    assert found.fun == pytest.approx(wanted.fun, rel=1e-8)
+    assert np.abs(newton.gradient(found.x)).max() < 1e-8
+    assert newton.motions < other.motions
+
+
+def test_trust_constr_takes_hessians_of_the_objective_and_of_constraints(solver: Any) -> None:
+    f = ordernm.objective(
+        solver, 1.0, Integral("effort"), {"inputs.push": (-20.0, 20.0)}, weights=[0.02],
+        inputs=(TIMES, np.sin(5 * TIMES), "linear"), integrator="rk4", step=0.02,
+    )  # fmt: skip
+    there = f.constraint([Final("angle"), Final("spin")], [0.5, 0.0], [0.5, 0.0])
+    found = ordernm.optimize(f, "trust-constr", constraints=there, hessian=True, maxiter=100)
+    plain = ordernm.optimize(f, "SLSQP", constraints=there)
+    assert found.fun == pytest.approx(plain.fun, rel=1e-5)
+    np.testing.assert_allclose(there.fun(found.x), [0.5, 0.0], atol=1e-7)
+
+
+def test_load_cases_add_products(solver: Any) -> None:
+    one, two = made(solver), made(solver, weights=[0.1, 0.5])
+    f = ordernm.load_cases([one, two], weights=[2.0, 3.0])
+    v = np.arange(5.0)
+    np.testing.assert_allclose(f.hessp(f.x0, v), 2 * one.hessp(f.x0, v) + 3 * two.hessp(f.x0, v), rtol=1e-12)
+
+
+def test_refusals(solver: Any) -> None:
+    f = made(solver, (-20.0, 20.0))
+    with pytest.raises(ValueError, match=r"'trust-krylov' does not take bounds, and inputs.push"):
+        ordernm.optimize(f, "trust-krylov")
+    with pytest.raises(ValueError, match="'trust-ncg' does not take constraints; use 'trust-constr' with hessian=True"):
+        ordernm.optimize(made(solver), "trust-ncg", constraints=f.constraint(Final("angle"), 0.0))
+    with pytest.raises(ValueError, match="hessian is for method 'trust-constr', and method is 'L-BFGS-B'"):
+        ordernm.optimize(f, hessian=True)
+    with pytest.raises(ValueError, match=r"the direction is .*, expected 6 finite numbers"):
+        f.hessp(f.x0, [1.0])
+    combined = made(solver, weights=None, combine=lambda x: (x[0], [1.0, 0.0]))
+    with pytest.raises(ValueError, match="combine has no second derivatives"):
+        combined.hessp(combined.x0, np.ones(5))
