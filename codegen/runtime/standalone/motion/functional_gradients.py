@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..assembly.states import States
 from ..calls.arguments import some
 from ..calls.non_finite import outputs_without
+from ..calls.package import Package
+from ..calls.targets import Opened
 from ..errors import SimulationError
 from ..statics.jets import Jet
 from ..statics.second_derivatives import SecondDerivatives
@@ -53,7 +56,11 @@ class Weights:
 
 
 class FunctionalGradients(Simulation):
-    """Computes functionals of motions, and their gradients."""
+    """Computes functionals of motions, their gradients and Hessian products."""
+
+    def __init__(self, package: Package, states: States):
+        super().__init__(package, states)
+        self._on_duals: dict[int, SecondDerivatives] = {}
 
     def judge(
         self,
@@ -160,7 +167,7 @@ class FunctionalGradients(Simulation):
         motion = self._motion(segment.opened)
         self._in_c(segment.opened).run_backwards(motion[2])
         found = curvature_of(
-            motion, segment.opened, segment, combined, wanted, weights.times, weights.outputs, weights.integrals,
+            motion, self._dual(segment.opened), segment, combined, wanted, weights.times, weights.outputs, weights.integrals,
             self.output_names, memory,
         )  # fmt: skip
         changes = found.state @ np.concatenate([along.dq, along.du], axis=1).T + found.p @ directions.dp.T
@@ -177,6 +184,12 @@ class FunctionalGradients(Simulation):
         counts = run.counts | {"hessian_products": found.products}
         return Judged(values, gradients, directions.names, "adjoint", counts, products)
 
+    def _dual(self, opened: Opened) -> SecondDerivatives:
+        """The functions of a partition on dual numbers; loaded once."""
+        if opened.number not in self._on_duals:
+            self._on_duals[opened.number] = SecondDerivatives(opened)
+        return self._on_duals[opened.number]
+
     def _of_first_state(self, by_state: Array, dp: Array, factors: Array, first: Start, problem: Problem) -> Array:
         """Contribution (m, r, k) of second derivatives of the model's initial state, a function of the parameters."""
         if "initial_at_rest" in self._manifest:
@@ -185,7 +198,7 @@ class FunctionalGradients(Simulation):
                 "initial values that are numbers or formulas. Give q and u of that equilibrium, which then count as constant"
             )
         p = Jet(problem.p, (factors @ dp).T)
-        functions = SecondDerivatives(self._opened)
+        functions = self._dual(self._opened)
         found = functions.along("initial_sensitivities", {"p": p}, {"dp": dp})
         by_name = dict(zip(functions.functions["initial_sensitivities"].results, found, strict=True))
         total = np.zeros((len(by_state), len(factors), len(dp)))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..calls.targets import Opened
 from ..errors import PackageError
 from ..statics.jets import Jet
 from ..statics.second_derivatives import SecondDerivatives
@@ -106,8 +105,8 @@ class Curvature:
 class _Outputs:
     """Gradients of weighted outputs at many states, and their changes along directions."""
 
-    def __init__(self, opened: Opened, problem: Problem):
-        self.functions, self.problem = SecondDerivatives(opened), problem
+    def __init__(self, functions: SecondDerivatives, problem: Problem):
+        self.functions, self.problem = functions, problem
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
 
     def sources(self, states: Array, t: Array, at: Array, weights: Array, changes: Array) -> Array:
@@ -224,7 +223,7 @@ class _Tangents:
 
 
 def curvature_of(
-    motion: tuple[Any, Any, Any], opened: Opened, segment: Segment, along: Problem, wanted: Sequence[Functional],
+    motion: tuple[Any, Any, Any], functions: SecondDerivatives, segment: Segment, along: Problem, wanted: Sequence[Functional],
     times: Array, by_output: Array, by_integral: Array, output_names: Sequence[str], memory: int,
 ) -> Curvature:  # fmt: skip
     """Gradients of m functionals and their changes along the directions of `along`, for the kept steps of a segment.
@@ -244,7 +243,7 @@ def curvature_of(
         dinputs = None if along.dinputs is None else along.dinputs[part]
         some = replace(along, dq=along.dq[part], du=along.du[part], dp=along.dp[part], dinputs=dinputs, kept=[])
         tangents = _Tangents(motion, segment, some, times, memory)
-        *found, n = _all_functionals(tangents, _Outputs(opened, some), wanted, by_output, by_integral, output_names)
+        *found, n = _all_functionals(tangents, _Outputs(functions, some), wanted, by_output, by_integral, output_names)
         chunks.append((found[0], found[1], found[2]))
         count += n
     # each part begins with the same gradients
