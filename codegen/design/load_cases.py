@@ -116,7 +116,7 @@ class LoadCases(OfVariables):
         Examples
         --------
         >>> from ordernm.runtime import Final
-        >>> case = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> case = ordernm.objective(pendulum, 1.0, Final("x"), {"length": (0.5, 1.5)})
         >>> f = ordernm.load_cases([case], weights=[2.0])
         >>> bool(np.allclose(f.hessp(f.x0, [1.0]), 2 * case.hessp(f.x0, [1.0])))
         True

@@ -270,7 +270,7 @@ class Objective(OfVariables):
         Examples
         --------
         >>> from ordernm.runtime import Final
-        >>> f = ordernm.objective(solver, 1.0, Final("tip_x"), {"length_1": (0.5, 1.5)})
+        >>> f = ordernm.objective(pendulum, 1.0, Final("x"), {"length": (0.5, 1.5)})
         >>> f.hessp(f.x0, [1.0]).shape
         (1,)
         """
