@@ -141,8 +141,8 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
 
 /* ---- Backwards. ---- */
 
-/* Adds gradients by inputs at a time to those by the values of their splines; `row` is 0 for values, 1 + k along direction k. */
-static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int width, long row, int used, scalar factor)
+/* Adds gradients by inputs at a time to those by the values of their splines; `from` is 0 for values, 1 + k along direction k. */
+static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int width, long from, int used, scalar factor)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
@@ -155,7 +155,7 @@ static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int wid
         const int signal = ordernm_signal_of(s, i, &order);
         for (int b = 0; b <= in->degree; ++b)
             for (int l = 0; l < used; ++l)
-                c->found->inputs[((row + l)*in->count + first + b)*signals + signal] += factor*value[order][b]*of[i*width + l];
+                c->found->inputs[((from + l)*in->count + first + b)*signals + signal] += factor*value[order][b]*of[i*width + l];
     }
 }
 
@@ -164,13 +164,13 @@ static void add(ordernm_curvature *c, scalar t, scalar *nu, const group *g)
 {
     const ordernm_system *const s = c->motion->system;
     const int width = g ? g->width : 1, used = g ? g->used : 1;
-    const long row = g ? 1 + g->first : 0;
+    const long from = g ? 1 + g->first : 0;
     scalar *const to = nu + (g ? g->at : 0);
     for (int i = 0; i < s->nq*width; ++i) to[i] += c->dq[i];
     for (int i = 0; i < s->nu*width; ++i) to[s->nq*width + i] += c->du[i];
     for (int l = 0; l < used; ++l)
-        for (int i = 0; i < s->np; ++i) c->found->p[(row + l)*s->np + i] += c->dp[i*width + l];
-    if (s->ninputs) add_inputs(c, t, c->dinputs, width, row, used, 1.0);
+        for (int i = 0; i < s->np; ++i) c->found->p[(from + l)*s->np + i] += c->dp[i*width + l];
+    if (s->ninputs) add_inputs(c, t, c->dinputs, width, from, used, 1.0);
 }
 
 /* Clears the memory of a function's results. */
