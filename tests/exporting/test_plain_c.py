@@ -239,7 +239,7 @@ ADVISORY = {
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("name", ["four_bar", "arm", "shaken_pendulum", "flyball"])
+@pytest.mark.parametrize("name", ["four_bar", "arm", "shaken_pendulum", "flyball", "coupler"])
 def test_misra_rules_are_kept_or_their_deviation_is_justified(name, tmp_path):
     checker = shutil.which("cppcheck") or pytest.skip("needs cppcheck")
     codegen.export_c(EXAMPLES / f"{name}.yaml", tmp_path / "c")
