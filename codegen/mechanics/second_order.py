@@ -25,6 +25,7 @@ from ..program.second_order import Primitives, adjoint, along, transpose
 from ..program.store import Memory, Store
 from ..program.transpose import always
 from ..records import dataclass
+from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
 from .stores import (
     ACCELERATION_GAP,
@@ -83,6 +84,7 @@ from .stores import (
     GU,
     LOOP_CONSTANTS,
     MASS_LANE,
+    ME,
     MOTION,
     MOTION_BAR,
     MULTIPLIER,
@@ -135,6 +137,8 @@ READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
 
 _PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
+_BASE: dict[Store, Store] = {}
+"""Stores by memory and store of values, and the stores of values to which they belong."""
 
 
 def _base(store: Store) -> Store:
@@ -153,10 +157,11 @@ _UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s
 
 def _in(memory: Memory, store: Store) -> Store:
     """The store of another memory of the same owner."""
-    found = _MADE.get((memory, store))
+    base = _BASE.get(store, store)
+    found = _MADE.get((memory, base))
     if found is None:
-        name = store.name.removeprefix(_PREFIX.get(store.memory, ""))
-        found = _MADE[memory, store] = Store(f"{_PREFIX[memory]}{name}", store.owner, memory, place=store.place)
+        found = _MADE[memory, base] = Store(f"{_PREFIX[memory]}{base.name}", base.owner, memory, place=base.place)
+        _BASE[found] = base
     return found
 
 
@@ -292,7 +297,20 @@ class SecondOrder:
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: _base(a) not in self.dropped)
         self._drop_zeros(found)
+        if not self.system.model.loops:
+            self._assign_first(found)
         return found
+
+    def _assign_first(self, found: dict[str, dict[int, Block]]) -> None:
+        """Assign the first contributions to adjoints and to their tangents; see `codegen.mechanics.first_contributions`."""
+        for memory, name_of in (
+            (ADJOINT, adjoint_name),
+            (ADJOINT_LANE, lambda name: along_name(adjoint_name(name))),
+            (MASS_LANE, mass_name),
+        ):
+            names = [name_of(s.name) for s in reversed(self.sweeps)]
+            outside = {n for (of, _), _, n in read_outside(self.system) if of is memory}
+            assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], _in(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
         """Drop what is zero in transposes of tangents: adjoints that none of these blocks stores."""

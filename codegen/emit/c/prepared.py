@@ -100,14 +100,19 @@ class CPrepared(CMemory):
         return [
             f"for (long i = 0; i < {n}L; ++i) (({self.scalar.word} *)a->{name})[i] = {in_all(self.zero)};"
             for name, _, n in self.regions()
-            if name == "adjoints"
+            if name == "adjoints" and not self.assigned(name)
         ]
+
+    def assigned(self, region: str) -> bool:
+        """Whether the first contributions to the memory of a region assign."""
+        blocks = [b for of in self.blocks.values() for b in of.values()]
+        return any(not a.adds and a.memory.region == region for b in blocks for a, _, _ in b.stores)
 
     def no_tangents(self, regions: tuple[str, ...] = TWICE) -> list[str]:
         """Lines that set the tangents of adjoints to zero, and the tangents of the ground's values."""
         lines = []
         for name, _, n in self.regions():
-            if name in regions:
+            if name in regions and (name == "tangents" or not self.assigned(name)):
                 first = n - n // self.layout.rows[name] if name == "tangents" else 0
                 lines.append(f"for (long i = {first}L; i < {n}L; ++i) ((LANES *)a->{name})[i] = NOTHING;")
         return lines
