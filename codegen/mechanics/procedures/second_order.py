@@ -20,7 +20,6 @@ from ...program.procedure import (
     Step,
     Zero,
 )
-from ..quantities import run
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
@@ -56,10 +55,10 @@ def hessian_products(w: Shared) -> Procedure:
             *w.solved,
             Own(virtual),
             Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
-            *parts.adjoints(virtual),
             Own(found),
             Bind(dudot, found),
             w.balance,
+            *parts.adjoints(virtual),
             Own(change),
             Zero(change),
             parts.tangents,
@@ -112,18 +111,15 @@ class _Parts:
         return Array(f"{target}_bar", (), self.w.system.arrays.get(target) or self.w.one(target).size)
 
     def adjoints(self, virtual: Array) -> list[Step]:
-        """Adjoints of the inverse dynamics, for one vector of weights."""
-        force, bar = self.w.of("force", "force")
-        bar = bar.called("force_bar")
+        """Adjoints of the inverse dynamics, for one vector of weights. The balance has stored its values."""
+        bar = self.w.one("force").called("force_bar")
         back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps))
-        values = run("found_motion", "missing_forces")
         doc = "Adjoints of the inverse dynamics, for the virtual motion that belongs to the weights."
         return [
             Own(bar),
             Combine(bar, (), (virtual,)),
-            Own(force),
             *(step for a in self.bars for step in (Own(a), Zero(a))),
-            performed("adjoints_of_values", doc, (*values, Prepare(ADJOINT_VALUES), *back)),
+            performed("adjoints_of_values", doc, (Prepare(ADJOINT_VALUES), *back)),
         ]
 
     @property
