@@ -288,12 +288,16 @@ class SecondOrder:
                     found.setdefault(back_name(name), {})[k] = transpose(
                         read[name][k], f"{back_name(name)}_{k}", title, _along_of_adjoint, always
                     )
-                if adjoint_name(name) not in self.wanted:
+                if k not in backs[name]:
                     continue
                 back = backs[name][k]
                 found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or _base(a) in self.read)
                 mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
-                found[mass_name(name)][k] = _storing(mass, lambda a: a.memory is MASS_LANE or _base(a) in self.solved)
+                if adjoint_name(name) not in self.wanted:  # one block computes both
+                    mass.stores += found[adjoint_name(name)][k].stores
+                found[mass_name(name)][k] = _storing(
+                    mass, lambda a: a.memory in (MASS_LANE, ADJOINT) or _base(a) in (*self.solved, *self.read)
+                )
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: _base(a) not in self.dropped)
         self._drop_zeros(found)
@@ -304,7 +308,7 @@ class SecondOrder:
     def _assign_first(self, found: dict[str, dict[int, Block]]) -> None:
         """Assign the first contributions to adjoints and to their tangents; see `codegen.mechanics.first_contributions`."""
         for memory, name_of in (
-            (ADJOINT, adjoint_name),
+            (ADJOINT, mass_name),
             (ADJOINT_LANE, lambda name: along_name(adjoint_name(name))),
             (MASS_LANE, mass_name),
         ):
@@ -369,7 +373,7 @@ class SecondOrder:
         known = -1
         while known != len(self.nonzero):
             known = len(self.nonzero)
-            for sweep in reversed([s for s in self.sweeps if adjoint_name(s.name) in self.wanted]):
+            for sweep in reversed([s for s in self.sweeps if {adjoint_name(s.name), mass_name(s.name)} & self.wanted]):
                 for kind in self._kinds(sweep):
                     found[sweep.name][kind.index] = self._adjoint(sweep, kind, tangents[sweep.name][kind.index])
         return found

@@ -55,10 +55,10 @@ def hessian_products(w: Shared) -> Procedure:
             *w.solved,
             Own(virtual),
             Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
+            *parts.weights(virtual),
             Own(found),
             Bind(dudot, found),
             w.balance,
-            *parts.adjoints(virtual),
             Own(change),
             Zero(change),
             parts.tangents,
@@ -110,27 +110,28 @@ class _Parts:
         (target,) = formulas.targets
         return Array(f"{target}_bar", (), self.w.system.arrays.get(target) or self.w.one(target).size)
 
-    def adjoints(self, virtual: Array) -> list[Step]:
-        """Adjoints of the inverse dynamics, for one vector of weights. The balance has stored its values."""
+    def weights(self, virtual: Array) -> list[Step]:
+        """The adjoints of missing joint forces, and zeros to which blocks add adjoints of formulas."""
         bar = self.w.one("force").called("force_bar")
-        back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps))
-        doc = "Adjoints of the inverse dynamics, for the virtual motion that belongs to the weights."
         return [
             Own(bar),
             Combine(bar, (), (virtual,)),
             *(step for a in self.bars for step in (Own(a), Zero(a))),
-            performed("adjoints_of_values", doc, (Prepare(ADJOINT_VALUES), *back)),
         ]
 
     @property
     def tangents(self) -> Step:
-        """Tangents of the inverse dynamics, and of ``M z`` at fixed z."""
+        """Tangents of the inverse dynamics, its adjoints, and tangents of ``M z`` at fixed z.
+
+        The balance has stored the values of the inverse dynamics.
+        """
         steps: tuple[Step, ...] = (
+            Prepare(ADJOINT_VALUES, True),
             Prepare(ADJOINT_TANGENTS, True),
             *(Run(along_name(s), True) for s in self.sweeps),
             *(Run(mass_name(s), True) for s in reversed(self.sweeps)),
         )
-        return performed("tangents_of_values", "Tangents of the inverse dynamics, and of M z at fixed z.", steps)
+        return performed("tangents_of_values", "Tangents of the inverse dynamics, adjoints, tangents of M z.", steps)
 
     def adjoint_tangents(self) -> list[Step]:
         """Tangents of the adjoints, which add up to the change of the gradient."""
