@@ -186,3 +186,28 @@ def test_second_derivatives_of_initial_values_count(tmp_path: Path) -> None:
     wanted = (45 * (ends[0] - ends[1]) - 9 * (ends[2] - ends[3]) + (ends[4] - ends[5])) / (60 * h)
     np.testing.assert_allclose(found[0], wanted, rtol=1e-8)
     np.testing.assert_allclose(found, found.T, rtol=0, atol=1e-12 * np.abs(found).max())
+
+
+def test_prescribed_motion(tmp_path: Path) -> None:
+    """Products equal those of differences, with a driving force among the outputs."""
+    codegen.generate(EXAMPLES / "shaken_pendulum.yaml", tmp_path / "package", functions=FUNCTIONS)
+    solver = codegen.load(tmp_path / "package")
+    wrt = ("amplitude", "frequency", "length", "q0.rod", "u0.tip")
+    x = np.array([0.2, 1.5, 0.3, 0.4, 0.2])
+    wanted = [f(name) for name in ("motor", "height", "kinetic") for f in (Final, Integral)]
+
+    def judged_at(x: np.ndarray, **more: Any) -> Any:
+        p = dict(zip(wrt[:3], x[:3], strict=True))
+        return solver.judge(0.6, wanted, [x[3], 0.25], [0.2, x[4]], p, wrt=wrt, integrator="rk4", step=0.02, **more)
+
+    found = judged_at(x, hessian=True).hessian_products
+    scale, h = np.abs(found).max(axis=(1, 2)), 1e-3
+    assert (np.abs(found - found.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-13 * scale).all()
+    for i in range(len(x)):
+        step = np.eye(len(x))[i] * h * x[i]
+        sides = [
+            judged_at(x + n * step, method="adjoint").gradients - judged_at(x - n * step, method="adjoint").gradients
+            for n in (1, 2, 3)
+        ]
+        differences = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h * x[i])
+        assert (np.abs(found[:, i] - differences).max(axis=1) < 1e-7 * scale).all()
