@@ -15,15 +15,15 @@ from .model.model import Model
 from .runtime.standalone.calls.functions import STATE, shapes_of
 
 CLOSING = ("closure", "completion")
-"""Functions that make states consistent; the example program does not print their results."""
+"""Functions that close loops; the example program does not print their results."""
 
 NAMES = 1000
-"""Maximum number of names of coordinates, parameters, ... for which indices are written; nobody types more names by hand."""
+"""Maximum number of coordinates, parameters, ... that get an index by name; nobody types longer lists by hand."""
 NUMBERS = 10_000
-"""Maximum length of an initial state that is written."""
+"""Maximum length of an initial state that the header contains."""
 LINE = 100
 CLOSED = {8: ("1e-13", "1e-9"), 4: ("1e-6", "1e-4")}
-"""Residuals of loops by size of a scalar: at which the example program ends its iteration, and which it accepts."""
+"""Residuals of loops by size of a scalar: the one that ends the example's iteration, and the one that it accepts."""
 
 
 def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def _indices(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str]:
-    """Enumerators of names, with their indices as values."""
+    """Lines of a C enum: each name with its index as the value."""
     if len(names) > NAMES:
         return {}
     words = [name.replace(".", "_") for name in names]
@@ -67,13 +67,13 @@ def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str
 
 
 def _index(model: Model, sort: str, names: Sequence[str], name: str) -> str:
-    """The enumerator of a name as C code uses it; without one, the index."""
+    """The enumerator of a name in C, or its index if there is no enumerator."""
     place = names.index(name)
     return _enumerators(model, sort, names).get(place, str(place))
 
 
 def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
-    """Arrays of constants in C: default parameters and initial state."""
+    """Constant arrays in C: default parameters and initial state."""
     name, scalar = model.name.upper(), _scalar(manifest)
     tables = []
     if model.parameters:
@@ -113,7 +113,7 @@ def _scalar(manifest: Mapping[str, Any]) -> Scalar:
 
 
 def _held(x: float, scalar: Scalar) -> float:
-    """A number, or zero if it is too small for the scalar type."""
+    """The number, or zero if its magnitude is too small for the scalar type."""
     return x if abs(x) >= scalar.limits.smallest else 0.0
 
 
@@ -122,7 +122,7 @@ def _unit(unit: str) -> str:
 
 
 def _filled(words: Iterable[str]) -> list[str]:
-    """Comma-separated words, distributed over lines."""
+    """The words, separated by commas and distributed over lines."""
     lines = [""]
     for word in words:
         if len(lines[-1]) + len(word) > LINE:
@@ -152,12 +152,13 @@ def _rows(model: Model) -> list[str]:
 
 
 def _as_markdown(text: str) -> str:
-    """Escapes Markdown characters: ``N*m*s`` has no emphasis. An underscore within a word has no effect."""
+    """The text with Markdown characters escaped: ``N*m*s`` has no emphasis. Underscores within words stay as they
+    are."""
     return re.sub(r"[\\`*\[\]<>|~&$#]|(?<!\w)_|_(?!\w)", r"\\\g<0>", text)
 
 
 def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
-    """The noun for loops and couplings in a model with couplings."""
+    """The noun for the loops of a model; a model with couplings has "loops and couplings"."""
     return "coupling" if len(manifest["couplings"]) == len(manifest["loops"]) else "loop or coupling"
 
 
@@ -186,7 +187,7 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _usage(manifest: Mapping[str, Any]) -> list[str]:
-    """Example calls from Python, for the existing functions."""
+    """Example calls from Python, limited to functions that the package has."""
     calls = {
         "accelerations": "udot = solver.accelerations(q, u)",
         "sensitivities": "udot, dudot = solver.sensitivities(q, u, dq=np.eye(solver.nq))    # one direction per row",
@@ -196,14 +197,14 @@ def _usage(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _shown(manifest: Mapping[str, Any]) -> str:
-    """The function called by the example program: the accelerations, or another function of a state."""
+    """The function that the example program calls: accelerations, or another function of a state."""
     functions = manifest["functions"]
     of_state = [n for n, f in functions.items() if not f.get("seeds") and {"q", "u"} <= set(f["arguments"]) <= {*STATE}]
     return "accelerations" if "accelerations" in functions else ([n for n in of_state if n not in CLOSING] or [""])[0]
 
 
 def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
-    """A complete C program: closes the loops, computes accelerations, and one derivative of them."""
+    """A complete C program: it closes the loops, computes accelerations, and one of their derivatives."""
     name, NAME, real = model.name, model.name.upper(), _scalar(manifest).word
     functions, shown = manifest["functions"], _shown(manifest)
     if not shown or not model.nq:
@@ -239,7 +240,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _main(model: Model, manifest: Mapping[str, Any], shown: str, along: str, result: str, count: str) -> list[str]:
-    """The main function of the example program: the state, and the first entries of the result and of a derivative."""
+    """The main function of the example program; it prints the first entries of the result and of a derivative."""
     name, NAME, functions, scalar = model.name, model.name.upper(), manifest["functions"], _scalar(manifest)
     accepted = scalar.literal(CLOSED[scalar.bytes][1])
     given, call = functions[shown]["arguments"], _arguments(manifest, shown)
@@ -287,7 +288,7 @@ def _arguments(manifest: Mapping[str, Any], function: str) -> str:
 
 
 def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:
-    """A C function that closes the loops of q."""
+    """The example's C function that closes the loops of q."""
     name, NAME, scalar = model.name, model.name.upper(), _scalar(manifest)
     real, zero, closed = scalar.word, scalar.literal("0.0"), scalar.literal(CLOSED[scalar.bytes][0])
     largest, size, root = (library_function(f, scalar) for f in ("fmax", "fabs", "sqrt"))

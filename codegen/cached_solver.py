@@ -1,4 +1,4 @@
-"""The solver for a model of ``ordernm simulate``: generated into a cache and reused."""
+"""The solver of ``ordernm simulate``: generated into a cache and used again."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ KEPT = 20
 """Number of generated packages kept in the cache."""
 
 SOURCES = (".py", ".jinja", ".c", ".h")
-"""Suffixes of the generator's files that affect its output."""
+"""Suffixes of the generator's files that determine its output."""
 
 NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
 """Python packages whose versions affect generated files."""
 
 
 def read(file: str, status: StatusLine) -> Model | Path:
-    """The model of a file, or the folder of a generated package."""
+    """The model in a file, or the solver in a generated folder."""
     from .model import load_model
 
     if Path(file).is_dir():
@@ -128,7 +128,7 @@ def _generator() -> bytes:
 
 
 def _forget_old(place: Path) -> None:
-    """Removes all cached packages but the most recently used."""
+    """Deletes all cached packages except the most recently used ones."""
     with contextlib.suppress(OSError):
         found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
         for old in found[:-KEPT]:

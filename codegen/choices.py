@@ -1,4 +1,4 @@
-"""The number of partitions that a motion needs: one, until it meets a dead point."""
+"""Finds the number of partitions that a motion needs; it is one, until the motion meets a dead point."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .runtime import Solver, Trajectory
 
 PARTITIONS = (2, 4)
-"""Numbers of partitions to generate when a motion meets a dead point with fewer."""
+"""Numbers of partitions that are generated in turn when a motion meets a dead point."""
 
 
 def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | None:

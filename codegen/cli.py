@@ -28,7 +28,7 @@ COMPUTING = ("simulate", "report", "bench")
 """Commands that may need NumPy's threads, for large matrices."""
 
 PROBLEMS = 50
-"""Maximum number of a model's problems that are listed."""
+"""Maximum number of problems of a model that are printed."""
 
 
 def _generate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +80,7 @@ def _problem(text: object) -> None:
 
 
 def _tolerate_terminal() -> None:
-    """Avoids errors on output: terminals without Unicode show ``?``, and closed streams are replaced."""
+    """Prevents errors on output: a terminal without Unicode shows ``?``, and closed streams are replaced."""
     for name, mode in (
         ("stdin", "r"),
         ("stdout", "w"),
@@ -176,7 +176,7 @@ def _load(file: str, status: StatusLine) -> Any:
 
 
 def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) -> list[str]:
-    """Describes the choice of dependent coordinates, on request with regions; ModelError if loops cannot be closed."""
+    """The choice of dependent coordinates as text, with regions on request; ModelError if loops cannot be closed."""
     if not model.loops:
         return []
     from .loops.description import describe
@@ -316,7 +316,7 @@ def _be_short_lived(command: str) -> None:
 
 
 def _expected() -> dict[type[Exception], int]:
-    """Exit codes for errors of packages, of compilers, and of missing optional packages."""
+    """The exit codes of errors of packages, of compilers and of missing optional packages."""
     from .runtime.standalone import errors
 
     return {
@@ -383,7 +383,7 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _ended(run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None, program: str) -> int:
-    """The exit code of a program; handles Ctrl-C also while modules are being imported."""
+    """Runs a program and returns its exit code; handles Ctrl-C also while modules are being imported."""
     try:
         return run(arguments)
     except KeyboardInterrupt:
@@ -419,7 +419,8 @@ def _main(arguments: Sequence[str] | None) -> int:
 
 
 def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
-    """The parser of all ``ordernm`` commands; imports only the modules for the options of `wanted`, if it is given."""
+    """The parser of all ``ordernm`` commands; only the modules of the commands in `wanted` are imported, if it is
+    given."""
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

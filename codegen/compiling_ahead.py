@@ -76,7 +76,7 @@ class CompilingAhead:
             self._build.stop.begun.set()
 
     def place(self) -> None:
-        """Waits for the library and puts it into the package."""
+        """Waits until the library is compiled, and moves it into the package."""
         if self._thread.is_alive():
             self._thread.join()
         if self._library is not None:

@@ -1,4 +1,4 @@
-"""Imports of names of a package, deferred until a name is first used."""
+"""Deferred imports: a name of a package is imported when it is first used."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module

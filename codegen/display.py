@@ -16,7 +16,7 @@ from .model.parsing import parse
 from .model.visuals import Visual
 
 SPRING: Final = parse("-stiffness*(distance - free_length) - damping*rate")
-"""The force of a spring on its end, N, along the line from the start."""
+"""The force of a spring on its end point along the line from its start point, N."""
 
 
 def display(model: Model) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def display(model: Model) -> dict[str, Any]:
 
 
 def _law(element: ForceElement) -> dict[str, Any]:
-    """The force of an element along the line between its ends, or its components; nothing for other types."""
+    """The force of an element along the line between its ends, or its components; None for other types."""
     if isinstance(element, OnBody):
         return {"components": _numbers(element.value), "axes": element.axes}
     if not isinstance(element, Spring | AlongLine):
@@ -48,7 +48,8 @@ def _law(element: ForceElement) -> dict[str, Any]:
 
 
 def _others(model: Model) -> dict[str, Any]:
-    """Forces in joints with one degree of freedom, and the prescribed coordinates with their rates, which laws may contain."""
+    """The forces in joints with one degree of freedom, and the prescribed coordinates with rates that laws may
+    contain."""
     single = [f for f in model.forces if len(f.values) == 1]
     joints = [{"name": f.name, "body": f.body, "value": _number(f.values[0])} for f in single]
     driven = {x.name: _numbers(x.values[:2]) for x in model.prescribed}
@@ -56,7 +57,7 @@ def _others(model: Model) -> dict[str, Any]:
 
 
 def _faces(loop: Loop) -> tuple[Face, Face]:
-    """The two faces of a loop joint, ``from`` and ``to`` of the file."""
+    """The two faces of a loop joint, given as ``from`` and ``to`` in the model file."""
     return (loop.end, loop.start) if loop.turned else (loop.start, loop.end)
 
 

@@ -27,10 +27,10 @@ from typing import Any
 from .ending import Failure
 
 OTHERS = ("_second", "_third", "_fourth")
-"""Suffixes of the model's name for files and C functions of further partitions."""
+"""Suffixes that the model's name gets in files and C functions of further partitions."""
 
 ATTEMPTS = 20
-"""Maximum number of attempts to replace a folder that other processes replace at the same time."""
+"""Maximum number of attempts to replace a folder while other processes replace it, too."""
 
 
 class FolderError(Failure, ValueError):
@@ -94,7 +94,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
 
 
 def unwritable(file: Path) -> str | None:
-    """Why a file cannot be written; None if no obstacle is known."""
+    """The reason why a file cannot be written; None if no obstacle is known."""
     folder = file.resolve().parent
     if file.is_dir():
         return f"{file} is a folder; give the name of a file"
@@ -106,7 +106,7 @@ def unwritable(file: Path) -> str | None:
 
 
 def _names(folder: Path, own: set[str], above: str = "") -> Iterator[str]:
-    """Names of the entries of a folder; includes the contents of subfolders that belong to a package."""
+    """The names of the entries of a folder, with the contents of subfolders that belong to a package."""
     for path in folder.iterdir():
         name = above + path.name
         if name in own and path.is_dir():
@@ -116,7 +116,7 @@ def _names(folder: Path, own: set[str], above: str = "") -> Iterator[str]:
 
 
 def _refuse_unwritable(folder: Path) -> None:
-    """Raises `FolderError` if the folder cannot be created, before any work is done."""
+    """Raises `FolderError` if the folder cannot be created; it is called before any work is done."""
     above = folder.resolve().parent
     while not above.exists():
         above = above.parent
@@ -153,7 +153,7 @@ def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) 
 
 
 def _keep_libraries(old: Path, new: Path) -> None:
-    """Copies compiled libraries if the C code has not changed."""
+    """Copies compiled libraries to the new folder if the C code has not changed."""
     not_compiled = {
         f"{source.stem}_model.h" for source in new.glob("*.c")
     }  # headers with defaults and the initial state, for callers only
@@ -169,7 +169,7 @@ def _keep_libraries(old: Path, new: Path) -> None:
 
 
 def _keep_others(old: Path, new: Path, names: Sequence[str]) -> None:
-    """Copies named files and folders to the new folder, except those that exist in it."""
+    """Copies named files and folders to the new folder, except those that it contains already."""
     for name in names:
         source, target = old / name, new / name
         if os.path.lexists(target) and not source.is_dir():
@@ -228,7 +228,7 @@ def _locked(folder: Path) -> Iterator[bool | None]:
 
 @contextlib.contextmanager
 def _workshop(folder: Path) -> Iterator[Path]:
-    """A locked hidden folder beside `folder`, which is removed with its contents at the end."""
+    """A locked hidden folder beside `folder`; it is removed with its contents at the end."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     for _ in range(ATTEMPTS):
         place = _beside(folder, "new")
@@ -266,7 +266,7 @@ def _take_place(new: Path, folder: Path) -> None:
 
 
 def _replace(new: Path, folder: Path) -> bool:
-    """Moves the old folder away and the new one into its place; False if another process was faster."""
+    """Moves the old folder away and the new one to its place; False if another process did so first."""
     old = _beside(folder, "old")
     with contextlib.suppress(FileNotFoundError):
         os.rename(folder, old)
@@ -283,7 +283,7 @@ def _replace(new: Path, folder: Path) -> bool:
 
 
 def exchange(one: Path, other: Path) -> bool:
-    """Exchanges two folders in one step; False if the system or the file system cannot."""
+    """Exchanges two folders in one step; False if the operating system or the file system cannot do this."""
     call = _exchange_call()
     if call is None:
         return False
@@ -297,7 +297,7 @@ def exchange(one: Path, other: Path) -> bool:
 
 @functools.cache
 def _exchange_call() -> Callable[[bytes, bytes], int] | None:
-    """``renameat2`` of Linux, ``renamex_np`` of macOS."""
+    """The system call that exchanges folders: ``renameat2`` of Linux or ``renamex_np`` of macOS."""
     here, swap = -100, 2  # the constants AT_FDCWD; RENAME_EXCHANGE, RENAME_SWAP
     try:
         library = ctypes.CDLL(None, use_errno=True)

@@ -31,9 +31,9 @@ LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
 CHECK_STATES = 3
 CHECK_DRAWS = 12
-"""Maximum number of random states that are drawn until `CHECK_STATES` of them have defined forces."""
+"""Maximum number of random states that are drawn to find `CHECK_STATES` states with defined forces."""
 CHECK_LIMIT = 200
-"""Models of more bodies are not compared with the generic engine, which is slow."""
+"""Largest number of bodies of a model that is compared with the generic engine, which is slow."""
 
 
 @with_status()
@@ -202,7 +202,7 @@ def generate(
 def _compile(
     path: Path, parts: Sequence[dict[str, Any]], ahead: CompilingAhead, report: Report, progress: Progress
 ) -> None:
-    """Compiles every partition; of the first partition, only the libraries that were not compiled ahead."""
+    """Compiles every partition; of the first partition, only libraries that were not compiled ahead."""
     from .runtime.standalone.errors import NoCompilerError
     from .runtime.standalone.files.build import first_build
 
@@ -354,7 +354,7 @@ def check_solver(model: Model, report: Report) -> None:
 
 
 def _drawn(model: Model, solver: Solver, initial: Any, rng: Any) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """A random state near the initial one, whose loops may be open, and seeds of three directions."""
+    """A random state near the initial one, possibly with open loops, and seeds of three directions."""
     q0, u0 = initial
     q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
     u = u0 + rng.normal(size=solver.nu)

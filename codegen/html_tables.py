@@ -12,11 +12,11 @@ SHOWN = 20
 
 
 LONGEST = 200
-"""Number of characters above which the text of a cell is cut."""
+"""Maximum number of characters in a cell; longer texts are cut."""
 
 
 class Markup(str):
-    """Text that is HTML already."""
+    """Text that already is HTML."""
 
     __slots__ = ()
 
@@ -24,7 +24,7 @@ class Markup(str):
 def html_of(
     lines: Iterable[str], head: Sequence[str] = (), rows: Iterable[Sequence[Any]] = (), shown: int = SHOWN
 ) -> str:
-    """Lines of text and, below them, a table of the first rows; texts are escaped, and numbers have six digits."""
+    """HTML of lines of text and a table of the first rows; texts are escaped, and numbers have six digits."""
     from html import escape  # imported when it is used, since it takes a millisecond
 
     text = "<br>".join(escape(line.strip()) for line in lines)
@@ -49,10 +49,10 @@ def _cell(x: Any) -> str:
 
 
 def shapes_of(arrays: Iterable[tuple[str, Any]]) -> list[tuple[str, str, float]]:
-    """Rows of arrays: name, shape, and largest magnitude; those that are None are left out."""
+    """Rows with the name, shape and largest magnitude of each array that is not None."""
     return [(name, str(x.shape), abs(x).max(initial=0.0)) for name, x in arrays if x is not None]
 
 
 def shapes_text(arrays: Iterable[tuple[str, Any]]) -> str:
-    """Names and shapes of arrays; those that are None are left out."""
+    """Names and shapes of all arrays that are not None."""
     return ", ".join(f"{name} {x.shape}" for name, x in arrays if x is not None)

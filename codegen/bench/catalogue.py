@@ -21,11 +21,11 @@ MODULES = (pendulum, four_bars, motions, families, planar_chains)
 PROBLEMS: dict[str, Problem] = {p.name: p for p in (*(p for module in MODULES for p in module.PROBLEMS), ROBOTS)}
 
 KINDS = ("motions", "families")
-"""Words that select all problems of a kind."""
+"""Words on the command line that select all problems of one kind."""
 
 
 class UnknownProblemError(Failure, ValueError):
-    """Raised for a name that no problem has."""
+    """Raised if no problem has the given name."""
 
 
 def chosen(names: Sequence[str]) -> list[Problem]:

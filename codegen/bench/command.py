@@ -1,4 +1,4 @@
-"""``ordernm bench``: options and work of the command."""
+"""``ordernm bench``: options of the command, and the function that runs it."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
 
 
 def _measured(problems: list[Problem], options: argparse.Namespace, status: StatusLine) -> dict[str, Any]:
-    """A new run; the results so far are written after every problem."""
+    """Runs the problems and returns their results; writes the results so far after every problem."""
     from .results import write_results
 
     def keep(results: dict[str, Any]) -> None:
@@ -114,7 +114,7 @@ def _measured(problems: list[Problem], options: argparse.Namespace, status: Stat
 
 
 def _earlier(options: argparse.Namespace) -> dict[str, Any]:
-    """Earlier runs, combined into one."""
+    """The results of earlier runs, combined into one."""
     from .results import ResultsError, joined, read_results
 
     if options.names or options.quick or options.peers:
@@ -146,7 +146,7 @@ def _is_drawn(problem: Problem, quick: bool) -> bool:
 
 
 def _refuse_beside_list(options: argparse.Namespace) -> None:
-    """Raise ResultsError for options that have no meaning beside ``--list``."""
+    """Raises ResultsError if an option is given that has no meaning together with ``--list``."""
     from .results import ResultsError
 
     names = ("quick", "peers", "output", "compare", "results", "plots", "page", "force")
@@ -183,7 +183,7 @@ def _refuse_places(options: argparse.Namespace) -> None:
 def run(
     problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
 ) -> dict[str, Any]:
-    """Measure problems and other programs on them; after every problem, `keep` is called with the results so far."""
+    """Measures problems, and other programs on them; calls `keep` with the results so far after every problem."""
     from ..measure.clock import one_core
     from ..measure.core import peaks
     from ..measure.machine import machine

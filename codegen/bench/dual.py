@@ -1,4 +1,4 @@
-"""Dual numbers over any scalars: a value and its derivatives along directions. They run through code written for numbers."""
+"""Dual numbers over any scalar type: a value and its derivatives along directions. Code for numbers accepts them."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ class Dual:
 
 
 def sine(x: Any) -> Dual:
-    """Sine of a dual number, for mpmath numbers."""
+    """The sine of a dual number whose scalars are mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.sin(y.value), y.slope * mpmath.cos(y.value))
 
 
 def cosine(x: Any) -> Dual:
-    """Cosine of a dual number, for mpmath numbers."""
+    """The cosine of a dual number whose scalars are mpmath numbers."""
     y = Dual.of(x)
     return Dual(mpmath.cos(y.value), -(y.slope * mpmath.sin(y.value)))

@@ -16,7 +16,7 @@ DIGITS = 40
 
 @dataclass(frozen=True)
 class Angle:
-    """Angle from its sine and cosine, mpmath numbers."""
+    """The angle that has the given sine and cosine, which are mpmath numbers."""
 
     sin: Any
     cos: Any

@@ -57,7 +57,7 @@ Rows = tuple[Sequence[str], list[list[str]]]
 
 
 def point_table(result: dict[str, Any]) -> Rows:
-    """Header and rows of a table: a motion at every setting."""
+    """Header and rows of a table with one row for each setting of a motion."""
     head = ("setting", "error", "evaluations", "steps", "rejected", "ms")
     counted = ("evaluations", "steps", "rejected")
     return head, [
@@ -67,7 +67,7 @@ def point_table(result: dict[str, Any]) -> Rows:
 
 
 def error_of(p: dict[str, Any]) -> str:
-    """The error of a point; for a motion that ended early, the reason."""
+    """The error of a point of the diagram; for a motion that ended early, the reason."""
     # the reason of an early end is long; its part before the first colon names the place
     return error(p["error"]) if p["ended"] == "finished" else f"ended early: {p['ended'].partition(':')[0]}"
 
@@ -105,7 +105,7 @@ def family_table(result: dict[str, Any]) -> Rows:
 
 
 def growth(result: dict[str, Any]) -> str:
-    """Exponents of time over size, by function; empty for fewer than three sizes."""
+    """Exponent of the time as a power of the size, by function; empty for fewer than three sizes."""
     rows = result["sizes"]
     sizes = [r["size"] for r in rows]
     slopes = (f"{f} {exponent(sizes, [r['seconds'][f] for r in rows]):.2f}" for f in rows[0]["seconds"])
@@ -139,7 +139,7 @@ LINES: dict[str, Callable[[dict[str, Any], int | None], list[str]]] = {
 
 
 def peer_lines(peers: dict[str, Any], width: int | None) -> list[str]:
-    """Results of other programs on the same problems in the same run."""
+    """Lines with the results of other programs on the same problems in the same run."""
     lines = [f"{who}: not compared, {why}" for who, why in peers["skipped"].items()]
     for name, rows in peers["problems"].items():
         lines.append(f"{name}: ordernm and other programs, taking turns")
@@ -165,7 +165,7 @@ def compare_lines(new: dict[str, Any], old: dict[str, Any], width: int | None) -
 
 
 def failures(problems: dict[str, Any]) -> list[str]:
-    """The failed checks of each problem, as lines."""
+    """Lines that list the failed checks of each problem."""
     return [f"{name}: {', '.join(map(str, r['failed']))}" for name, r in problems.items() if r["failed"]]
 
 

@@ -1,4 +1,4 @@
-"""Measures one problem: generates its solver, compares with the reference, counts operations and takes times."""
+"""Measures one problem: generates its solver, compares it with the reference, counts operations and measures times."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Robots, S
 from .work_precision import Point, best, diagram, error_at_end, integrate
 
 BATCH = 1e-3
-"""Approximate seconds of a turn in C."""
+"""Approximate duration of one measurement in C, s."""
 
 Progress = Callable[[str], None]
 Result = dict[str, Any]
 
 WIDTH = 8
-"""Number of directions for the timed function over directions."""
+"""Number of directions at which functions over directions are timed."""
 
 
 def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, budget: float = 0.3) -> Result:
@@ -93,7 +93,7 @@ def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budg
 
 
 def point_record(p: Point) -> Result:
-    """A point as it is written to JSON."""
+    """The record of a point as it is written to JSON."""
     found = asdict(p)
     return found.pop("setting") | found | {"error": p.error if math.isfinite(p.error) else None}
 
@@ -173,7 +173,8 @@ def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budg
 
 
 def _times(solver: Solver, package: Path, q: Array, u: Array, x: Evaluation, budget: float) -> dict[str, float]:
-    """Seconds of an evaluation in C: of udot, and of udot with eight directions (the problem's directions, repeated)."""
+    """Times of one evaluation in C, s: of udot, and of udot with eight directions (the problem's directions,
+    repeated)."""
     functions, workshop = Functions.of_package(package), Workshop.of_packages(package.parent)
     given = {"q": q, "u": u, "p": np.array(solver.parameters, float)}
     seeds = {n: np.resize(d, (WIDTH, d.shape[1])) for n, d in (("dq", x.dq), ("du", x.du), ("dp", x.dp))}

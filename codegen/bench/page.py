@@ -124,12 +124,12 @@ def _aim(goal: dict[str, Any]) -> list[str]:
 
 
 def _named(row: dict[str, Any]) -> bool:
-    """Whether all directions have names, so that they are single quantities."""
+    """Whether every direction has a name, so that it stands for a single quantity."""
     return row["errors"] is not None and "direction 1" not in row["errors"]
 
 
 def _worst_of_each_kind(errors: dict[str, float]) -> dict[str, float]:
-    """Errors by direction; for directions of single joints, the largest of each kind."""
+    """Errors by direction; of the directions of single joints, only the largest error of each kind."""
     kinds = {SPEED: "any one speed", JOINT: "any one joint"}
     found = {n: x for n, x in errors.items() if not n.startswith(tuple(kinds))}
     for start, words in reversed(kinds.items()):

@@ -1,4 +1,4 @@
-"""Pictures of benchmark results as SVG, readable in black and white: growth of time, a roofline, and robots beside Pinocchio."""
+"""Pictures of benchmark results as SVG, readable in black and white: times over sizes, a roofline, and robots."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def plots(results: dict[str, Any]) -> dict[str, str]:
 
 
 def time_by_size(families: dict[str, Any]) -> str:
-    """Microseconds of an evaluation against the number of coordinates, with the exponent of time, by family."""
+    """Time of an evaluation in microseconds over the number of coordinates, with its exponent, by family."""
     functions = list(next(iter(families.values()))["sizes"][0]["seconds"])
     with drawing(7.2, 3.8, len(functions)) as (_, axes, text):
         for ax, function in zip(axes, functions, strict=True):
@@ -60,7 +60,7 @@ def time_by_size(families: dict[str, Any]) -> str:
 
 
 def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
-    """Operations per second of an evaluation in C, below the limits of the core: udot hollow, with directions filled."""
+    """Operations per second in C, below the limits of the core: hollow marks for udot, filled marks with directions."""
     with under_the_roof(peaks) as (ax, text):
         for (name, r), style in zip(families.items(), STYLES, strict=False):
             points = [row["roofline"] for row in r["sizes"] if "roofline" in row]
@@ -72,7 +72,7 @@ def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
 
 
 def robots(rows: list[dict[str, Any]]) -> str:
-    """For each robot: time divided by that of Pinocchio, by function."""
+    """For each robot and function: the time of ordernm divided by that of Pinocchio."""
     functions = list(rows[0]["seconds"])
     label = "time over Pinocchio's, both from Python (dashed: equal); beside names the number of speeds"
     names = [f"{row['model']}, {row['speeds']}" for row in rows]

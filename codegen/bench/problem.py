@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 JOINT, SPEED = "joint ", "speed of joint "
-"""Prefixes of the names of directions that belong to single joints; the page shows only the worst of each kind."""
+"""Prefixes of the names of directions of single joints; the page shows only the largest error of each kind."""
 
 
 @dataclass(frozen=True)

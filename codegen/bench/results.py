@@ -12,11 +12,11 @@ from ..measure import tables
 from ..runtime.standalone.files.whole_file import MARK, write_whole
 
 FORMAT = 1
-"""Format number, raised when entries change their names or meaning."""
+"""Format number of the file; it is raised when entries change their names or meaning."""
 
 
 DAMAGE = (KeyError, TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
-"""Errors raised by a file that was edited by hand or comes from another version."""
+"""Errors that occur when a file was edited by hand or comes from another version."""
 
 
 class ResultsError(Failure, ValueError):
@@ -83,7 +83,7 @@ def joined(parts: Sequence[tuple[Path, dict[str, Any]]]) -> dict[str, Any]:
 
 
 def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | None, int | None, float]]:
-    """Every measured entry: (problem, setting or size and function), error, evaluations, seconds."""
+    """Every measured entry: its problem, setting or size, and function; its error, evaluations and seconds."""
     for name, problem in results["problems"].items():
         if problem["kind"] == "motion":
             for p in problem["points"]:

@@ -1,4 +1,4 @@
-"""Work-precision diagrams: a motion at several tolerances, its error beside evaluations and time."""
+"""Work-precision diagrams: the error of a motion at several tolerances, with its evaluations and time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 5_000_000
 LONG = 5.0
-"""Largest number of steps; motions that take this multiple of the budget get only two turns."""
+"""Largest number of steps, and the multiple of the time budget above which a motion is timed only twice."""
 
 
 @dataclass(frozen=True)

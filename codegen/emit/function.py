@@ -25,11 +25,11 @@ class Function:
     notes: list[str] = field(default_factory=list)
     guard: str = ""
     declared: bool = False
-    """Whether the function is declared where it is not compiled."""
+    """Whether the function is declared even where it is not compiled."""
     before: list[str] = field(default_factory=list)
-    """Lines before the function and outside its condition."""
+    """Lines before the function that its condition does not cover."""
     after: list[str] = field(default_factory=list)
-    """Lines after the function and outside its condition."""
+    """Lines after the function that its condition does not cover."""
 
     @property
     def begin(self) -> list[str]:
@@ -62,5 +62,5 @@ def called_with(head: str, items: list[str], end: str = ")") -> str:
 
 
 def in_lines(items: list[str], columns: int) -> list[str]:
-    """List items in lines, with a fixed number of items in each line."""
+    """The items of a list as lines, with a fixed number of items in each line."""
     return [", ".join(items[i : i + columns]) + "," for i in range(0, len(items), columns)]

@@ -43,9 +43,9 @@ class Located:
 
 Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
-"""Returns the expression of an integer column for the current row of a table."""
+"""A function that returns the expression of an integer column in the current row of a table."""
 RowPlace = Callable[[Column, Store, str], Located]
-"""Returns the place of a component for the current row of a table."""
+"""A function that returns the place of a component for the current row of a table."""
 
 
 class Language(ABC):
@@ -90,7 +90,7 @@ class Language(ABC):
         """Whether any function reads the table of numbers that differ within a kind."""
         self._shared: dict[str, list[tuple[Kind, ...]]] = {}
         self._tables_of_numbers: dict[str, str] = {}
-        """For each column of a table: the function that gives the table its name."""
+        """For each column of a table: the function after which the table is named."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -104,12 +104,12 @@ class Language(ABC):
         """
 
     def each(self, kinds: Sequence[Kind], sweep: str) -> str:
-        """Beginning of the loop over directions, in a function that kinds share."""
+        """The beginning of the loop over directions in a function that several kinds share."""
         return ""
 
     @abstractmethod
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
-        """Head of a function; an indexed one gets the number of a link or row."""
+        """The head of a function; an indexed function has the number of a link or row as an argument."""
 
     @abstractmethod
     def call(self, name: str, lanes: bool, index: str | None) -> str:
@@ -117,11 +117,11 @@ class Language(ABC):
 
     @abstractmethod
     def repeat(self, start: int, end: int, step: int, inward: bool, calls: list[str]) -> list[str]:
-        """Loop of i over ``start, start + step, ... < end``, or the same in reverse."""
+        """Loop over i from `start` by `step` to before `end`, or the same in reverse."""
 
     @abstractmethod
     def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
-        """Loop over all links or units that selects the call by the kind, which `entry` gives for each i."""
+        """Loop over all links or units that selects the call by kind; `entry` gives the kind for each i."""
 
     def unused_index(self) -> list[str]:
         """Lines that mark the index of a function as unused."""
@@ -133,11 +133,11 @@ class Language(ABC):
 
     @abstractmethod
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
-        """Table of equally long rows; a second request for the same table gives the first."""
+        """Table of rows of equal length; a second request for an equal table returns the first."""
 
     @abstractmethod
     def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:
-        """Place of a component of a store, in a function that kinds share."""
+        """Place of a component of a store, in a function that several kinds share."""
 
     @abstractmethod
     def element(self, array: str, index: str, lanes: bool = False) -> Located:
@@ -157,7 +157,7 @@ class Language(ABC):
 
     @abstractmethod
     def prepared(self, what: str) -> list[str]:
-        """Lines, in a routine, of a preparation outside of the sweeps; see `Prepare`."""
+        """Lines of a preparation that runs outside of sweeps, in a routine; see `Prepare`."""
 
     @abstractmethod
     def number_of_row(self, table: str, row: str, index: int) -> Located:
@@ -198,7 +198,7 @@ class Language(ABC):
         return *own, f"{'input' if array == 'inputs' else array}_{name}"
 
     def called_by(self, block: Block, place: Place) -> dict[str, str]:
-        """Variable names for loaded values that have a name in the model."""
+        """Names of variables for loaded values that have a name in the model."""
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | self.reserved
         found: dict[str, str] = {}
         for symbol, (store, component) in block.loads.items():

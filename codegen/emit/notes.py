@@ -31,7 +31,7 @@ def notes(block: Block) -> list[str]:
 
 
 CALLED = {"pc": "c", "k": "numbers", "parameter": "p", "ceparameter": "p"}
-"""Names of stores in comments of generated functions, where they differ from the store's name."""
+"""Names of stores in comments of generated functions, if they differ from the names in the program."""
 
 
 @cache

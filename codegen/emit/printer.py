@@ -1,4 +1,4 @@
-"""Prints expressions of statements; targets define the parts that differ between languages."""
+"""Prints expressions of statements; each target defines what differs between languages."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ HELD = {
     "HeldAtLeast": "AtLeast", "HeldFloor": "Floor", "HeldSign": "Sign", "HeldAbsolute": "Absolute",
     "HeldMaximum": "Maximum", "HeldMinimum": "Minimum", "HeldAngle": "atan2",
 }  # fmt: skip
-"""Functions that take a mode, with the corresponding functions without mode."""
+"""Functions that take a mode, each with its counterpart without mode."""
 
 OWN = ("Floor", "Choice", "Vanishing", "Along")
-"""Functions that generated files define themselves if they call them."""
+"""Functions that a generated file defines itself if it calls them."""
 
 
 def _is_negative(term: Expr) -> bool:
@@ -33,7 +33,7 @@ def _is_negative(term: Expr) -> bool:
 
 
 def _without_sign(product: Expr) -> Sequence[Expr]:
-    """The factors of a product that begins with a negative number, with the opposite sign."""
+    """The factors of a product that begins with a negative number, with the sign reversed."""
     first, *others = product.args
     return others if first is MINUS_ONE else (-first, *others)
 
@@ -69,12 +69,12 @@ class Printer(ABC):
 
     @property
     def words(self) -> list[str]:
-        """Definitions in generated files, for the functions of `OWN` that have been printed."""
+        """Definitions of functions in `OWN` that have been printed, for the generated file."""
         wanted = {"floor": {"Floor"}, "choice": {"Choice"}, "vanishing": {"Vanishing", "Along"}}
         return [word for word, names in wanted.items() if not names.isdisjoint(self.own)]
 
     def calling(self, names: Mapping[str, str]) -> Self:
-        """A printer with other names for some symbols. The order of terms and factors stays that of the original symbols."""
+        """A printer that renames some symbols. The order of terms and factors is that of the original symbols."""
         found = copy(self)
         found.names = names
         return found
@@ -122,7 +122,7 @@ class Printer(ABC):
         return f"({text})" if level == ATOM or (negative and level > SUM) else text
 
     def _unsigned(self, term: Expr) -> str:
-        """The text of a negative term without its sign."""
+        """The text of a negative term without its minus sign."""
         factors = _without_sign(term) if term.is_Mul else (-term,)
         return self._factors(factors) if len(factors) > 1 else self._print(factors[0], PRODUCT)
 
@@ -189,8 +189,8 @@ class Printer(ABC):
 
     @abstractmethod
     def turned(self, angle: str, mode: str) -> str:
-        """An angle within half a turn of a mode."""
+        """The angle, moved by full turns to within half a turn of its mode."""
 
     @abstractmethod
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
-        """A function whose branch is selected by a mode; `free` is the function without mode."""
+        """A function whose branch is selected by a mode; `free` is its counterpart without mode."""

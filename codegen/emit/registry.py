@@ -10,9 +10,9 @@ from .target import Target
 TARGETS: dict[str, Target] = {t.name: t for t in (C, NUMPY)}
 
 RESERVED = frozenset[str]().union(*(t.reserved for t in TARGETS.values()), ("number", "status"))
-"""Names that no target may use for variables, or that generated tables and types have; all targets use the same names."""
+"""Names that variables of no target may have, because generated tables and types use them."""
 
 BESIDE_C = {"_numpy.py": write_numpy}
-"""Files besides the C file: endings, and the functions that write these files."""
+"""Files that are written with the C file: their endings, and the functions that write them."""
 
 __all__ = ["BESIDE_C", "RESERVED", "TARGETS"]

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from ..records import dataclass
 
 SHORT = 24
-"""Lists up to this length are written in full, because people may want to read them."""
+"""Lists up to this length are written in full, so that people can read them."""
 
 LONGEST = 16
 """Largest number of items in a repeated pattern."""
@@ -21,7 +21,7 @@ LONGEST = 16
 Item = str | int | float
 
 Form = str | type[int] | tuple[str, str]
-"""An item with placeholders for its integers: a name with ``{}``, an integer, or another number."""
+"""An item with placeholders in place of its integers: a name with ``{}``, an integer, or another number."""
 
 _INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
 
@@ -53,7 +53,7 @@ class Repeated:
 
 
 def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
-    """A list with its repetitive stretches as `Repeated`; greedy, linear in its length."""
+    """The list with its repetitive stretches as `Repeated`; the search is greedy and linear in the length."""
     if len(values) <= SHORT or any(isinstance(v, str) and ("{" in v or "}" in v) for v in values):
         return list(values)
     forms = [_form(v) for v in values]
@@ -81,7 +81,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
 
 
 def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
-    """An item without its integers, followed by these integers."""
+    """The form of an item, followed by the integers that were replaced."""
     if isinstance(value, str):
         return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
     if isinstance(value, int):
@@ -90,7 +90,7 @@ def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
 
 
 def _count(forms: Sequence[tuple[Form, tuple[int, ...]]], start: int, period: int) -> int:
-    """The number of times that a list repeats its first items, from a given place on."""
+    """The number of times that a list repeats its first items from a given position on."""
     steps = []
     for k in range(start, start + period):
         (form, integers), (next_form, next_integers) = forms[k], forms[k + period]

@@ -1,4 +1,4 @@
-"""Functions of constants and formulas; functions that differ only by rows of tables become one function."""
+"""Functions of constants and formulas; functions that differ only in rows of tables become one function."""
 
 from __future__ import annotations
 
@@ -148,14 +148,14 @@ class RowWriter(SweepWriter):
                 result[f"{part}names"].append(called)
 
     def owners(self, constants: Sequence[Constants]) -> str:
-        """The owners of some constants, in words."""
+        """The owners of the given constants, in words."""
         those = {id(c) for c in constants}
         found = [name for name, c in self.plan.owners if id(c) in those]
         return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
 
 def entry_from(first: str, further: int) -> str:
-    """Index of an entry that is a given number of entries after another one."""
+    """The index of an entry that is a given number of entries further on."""
     if first.isdigit():
         return str(int(first) + further)
     return f"{first} + {further}" if further else first

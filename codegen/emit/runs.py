@@ -1,4 +1,4 @@
-"""Sweeps, formulas and routines that functions run, by name, with the numbers of directions."""
+"""Sweeps, formulas and routines that functions call, by name, with the numbers of directions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Prefix of the name of a formula's function: for values, tangents, the transposed tangents, or tangents of the latter."""
+    """Prefix of the name of a formula's function: values, tangents, transposed tangents, or tangents of the latter."""
     if step.twice:
         return "twice_"
     return "back_" if step.backwards else "lane_" if step.lanes else ""
@@ -50,7 +50,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Add steps; `anyhow`: they run with these widths in functions of every width."""
+        """Adds steps; with `anyhow`, functions of every width call them with these widths."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):
@@ -79,7 +79,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
 
 
 def called_once(procedure: Procedure) -> set[str]:
-    """Names of the sweeps, formulas and routines that a procedure runs without directions."""
+    """Names of the sweeps, formulas and routines that a procedure calls without directions."""
     return {
         step.routine.name if isinstance(step, Perform) else name_of(step)
         for step in walk(procedure.steps)

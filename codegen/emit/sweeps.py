@@ -16,11 +16,11 @@ from .language import Language, Located
 from .notes import notes
 
 MAX_STRETCHES = 24
-"""With more distinct stretches of links than this, a sweep dispatches on the kind instead."""
+"""Maximum number of distinct stretches of links; a sweep with more selects the function by the kind of each link."""
 
 
 IDLE = -1
-"""Entry of the pattern for a kind that has no block in a sweep."""
+"""Entry of the pattern for a kind that has no block in the sweep."""
 
 
 class SweepWriter(Language):
@@ -28,13 +28,13 @@ class SweepWriter(Language):
 
     @cached_property
     def blocks(self) -> dict[str, dict[int, Block]]:
-        """Blocks by sweep and kind, for sweeps that are run and have something to store."""
+        """Blocks by sweep and kind, for called sweeps that store something."""
         run = sweeps_run(self.asked)
         found = self.plan.sweeps.items()
         return {s: of.blocks for s, of in found if s in run and any(block.stores for block in of.blocks.values())}
 
     def shared(self, sweep: str) -> list[tuple[Kind, ...]]:
-        """The kinds that have a block in a sweep, in groups whose functions differ only in rows."""
+        """Kinds that have a block in a sweep, grouped so that the functions of a group differ only in rows."""
         if sweep not in self._shared:
             found: dict[object, list[Kind]] = {}
             for kind in self.plan.sweeps[sweep].kinds:
@@ -45,7 +45,7 @@ class SweepWriter(Language):
         return self._shared[sweep]
 
     def _form(self, kind: Kind, sweep: str, block: Block) -> object:
-        """A block with the places of its components, without rows."""
+        """A block with the places of its components but without rows."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
             if store.memory is MARGIN:
@@ -57,11 +57,11 @@ class SweepWriter(Language):
         return block.title, loads, tuple(block.statements), stores
 
     def instances(self, kinds: Sequence[Kind], sweep: str) -> list[int]:
-        """The values of i in a function that kinds share."""
+        """The values of i for which a shared function is called."""
         return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
 
     def link_function(self, sweep: str, kinds: tuple[Kind, ...]) -> Function:
-        """The function of kinds of links, ears or regions; its name has the number of the first kind."""
+        """The function for some kinds of links, ears or regions, named after the number of the first kind."""
         block = self.blocks[sweep][kinds[0].index]
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", self.plan.sweeps[sweep].lanes, not single)
@@ -70,12 +70,12 @@ class SweepWriter(Language):
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
     def called(self, kinds: tuple[Kind, ...]) -> str:
-        """Comment that names the units for which a function is called."""
+        """The comment that names the units for which a function is called."""
         (what, first), count = self.plan.called[kinds[0]], sum(len(kind.members) for kind in kinds)
         return first if count == 1 else f"{count} {what}: {first}, ..."
 
     def merged_function(self, sweep: str, merged: Merged) -> Function:
-        """The function of a sweep whose blocks are combined into one."""
+        """The function of a sweep whose blocks have been combined into one."""
         spec, variables = self.plan.sweeps[sweep], dict[str, str]()
         kinds = {str(kind.index): kind for kind in spec.kinds}
 
@@ -95,7 +95,7 @@ class SweepWriter(Language):
         return Function(spec.title, self.signature(sweep, spec.lanes, False), lines, notes(merged.block))
 
     def loop(self, sweep: str) -> Function:
-        """The loop over the links or units of a sweep; if its blocks are combined, the whole sweep."""
+        """The loop over the links or units of a sweep, or the whole sweep if its blocks are combined."""
         spec = self.plan.sweeps[sweep]
         if spec.merged is not None:
             return self.merged_function(sweep, spec.merged)
@@ -132,7 +132,7 @@ class SweepWriter(Language):
         return f
 
     def loop_of_two(self, sweep: str, then: str) -> Function:
-        """A loop over all links that alternates between two sweeps."""
+        """The loop over all links that alternates between two sweeps."""
         both: list[list[Kind | None]] = []
         for name in (sweep, then):
             of = {kind: kinds[0] for kinds in self.shared(name) for kind in kinds}
@@ -171,12 +171,12 @@ class SweepWriter(Language):
         return [*functions, self.loop(sweep)]
 
     def link_functions(self, sweep: str, kinds: tuple[Kind, ...]) -> list[Function]:
-        """The function of some kinds of links, preceded by its parts if it is divided."""
+        """The function of some kinds of links; if it is divided, its parts come first."""
         return [self.link_function(sweep, kinds)]
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:
-    """Cut a sequence into repeated patterns: (start, pattern, repetitions). Greedy, linear in its length."""
+    """A sequence as repeated patterns: (start, pattern, repetitions). The search is greedy and linear in the length."""
     result: list[tuple[int, tuple[int, ...], int]] = []
     i, n = 0, len(kinds)
     while i < n:

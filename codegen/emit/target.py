@@ -16,7 +16,7 @@ from ..records import dataclass
 
 
 def spelled(where: str, prefix: str = "") -> dict[str, str]:
-    """Spelling of the elementary functions by their names in statements; see `codegen.elementary`."""
+    """The text of elementary functions by their names in statements; see `codegen.elementary`."""
     names = {e.spelled("symbol"): e.spelled(where) for e in TABLE.values()}
     return {symbol: f"{prefix}{name}" for symbol, name in names.items() if symbol and name}
 
@@ -26,7 +26,7 @@ class TargetError(ValueError):
 
 
 class UnwritableError(TargetError):
-    """A target cannot write a model; `place` is the entry of the model file, if known."""
+    """An error of a target that cannot write a model; `place` is the entry of the model file, if known."""
 
     def __init__(self, target: str, what: str, error: TargetError):
         super().__init__(f"{what}: {error} (target {target})")

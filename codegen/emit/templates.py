@@ -1,4 +1,4 @@
-"""Renders the templates. They are in ``templates/`` of the checkout, and inside the package in a wheel."""
+"""Renders the templates. They are in ``templates/`` of a checkout, and inside the package in a wheel."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class KeptBeside(jinja2.BytecodeCache):
         return found.st_uid in self.owners and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
     def load_bytecode(self, bucket: jinja2.bccache.Bucket) -> None:
-        """Fill a bucket with stored code, if this code comes from the same source."""
+        """Fills a bucket with stored code, if it was compiled from the same source."""
         damaged = EOFError, ValueError, pickle.UnpicklingError
         with contextlib.suppress(OSError, *damaged), open(self._file(bucket), "rb") as file:
             if self._is_ours(file):
@@ -83,5 +83,5 @@ def environment() -> jinja2.Environment:
 
 
 def render(template: str, context: Mapping[str, object]) -> str:
-    """The text that a template gives for some variables."""
+    """The text of a template with the given variables."""
     return environment().get_template(template).render(context)

@@ -35,7 +35,7 @@ class Writer(RowWriter):
 
     @cached_property
     def widths(self) -> dict[str, tuple[int, ...]]:
-        """Widths for which sweeps, formulas and routines over directions are called, widest first."""
+        """Widths for which sweeps, formulas and routines over directions are called, the widest first."""
         found: dict[str, set[int]] = {}
         for p in self.asked:
             for name, width in called_for(p):
@@ -66,7 +66,7 @@ class Writer(RowWriter):
 
     @cached_property
     def groups(self) -> dict[Formulas, list[Function]]:
-        """For each formula, its functions, then the function that calls them; no group without formulas."""
+        """For each formula, its functions, followed by the function that calls them; empty if there are no formulas."""
         _ = self.constants
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
@@ -102,7 +102,7 @@ class Writer(RowWriter):
         return tuple(pruned(p, self.lives) for p in self.asked)
 
     def lives(self, step: Run | Formulas | Prepare) -> bool:
-        """Whether a step has an effect, so that it is printed."""
+        """Whether a step has an effect; steps without effect are not printed."""
         match step:
             case Run():
                 return step.sweep in self.blocks

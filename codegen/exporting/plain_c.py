@@ -154,7 +154,7 @@ def export_c(
 
 
 def _measured(name: str, code: Mapping[str, str], rows: tuple[Row, ...]) -> tuple[Build | None, tuple[Row, ...]]:
-    """The measured build, None without a compiler, and the rows with their sizes."""
+    """The measured build, or None without a compiler, and the rows with the sizes of functions."""
     try:
         build = measured(code, f"{name}.c", [f"{name}_{row.name}" for row in rows])
     except NoCompilerError:
@@ -169,7 +169,7 @@ def _with_size(row: Row, size: Size) -> Row:
 def _texts(
     model: Model, manifest: Mapping[str, Any], scalar: str, build: Build | None, rows: Sequence[Row]
 ) -> dict[str, str]:
-    """The files of an export besides the code."""
+    """All files of an export except the code."""
     of = C.scalar(scalar)
     context = {
         "name": model.name, "NAME": model.name.upper(), "version": __version__, "scalar": of.words,
@@ -185,7 +185,7 @@ def _texts(
 
 
 def _how_measured(build: Build | None) -> str:
-    """Which build the sizes of a report are of."""
+    """The sentence that says which build the sizes of a report belong to."""
     if build is None:
         return "There was no C compiler to measure code and stack."
     library = ", ".join(build.library) or "none"
@@ -220,7 +220,7 @@ def _rows(manifest: Mapping[str, Any]) -> tuple[Row, ...]:
 
 
 def _record(name: str, found: ExportedC) -> dict[str, Any]:
-    """The content of ``model.json``, by which a later export knows its own files."""
+    """The content of ``model.json``, by which a later export recognises its own files."""
     return {
         "generator": "ordernm", "version": __version__, "export": "c", "name": name, "files": list(found.files),
         "scalar": found.scalar, "workspace_bytes": found.workspace, "compiler": found.compiler,

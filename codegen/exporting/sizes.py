@@ -14,7 +14,7 @@ from ..runtime.standalone.errors import CompileError
 from ..runtime.standalone.files.compiler import compile_seconds, find_compiler
 
 FLAGS = ("-std=c99", "-O2", "-DORDERNM_PLAIN_C")
-"""Flags of the measured build."""
+"""Compiler flags of the build whose sizes are measured."""
 
 NODE = re.compile(r'^node: \{ title: "([^"]+)" label: "([^"]*)"')
 EDGE = re.compile(r'^edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
@@ -125,7 +125,7 @@ def _call_graph(text: str) -> tuple[dict[str, int], dict[str, set[str]]]:
 
 
 def _name(title: str) -> str:
-    """The function of a node; static ones have their file in front."""
+    """The name of the function of a node; for static functions, the file name precedes it."""
     return title.rpartition(":")[2]
 
 
@@ -139,6 +139,6 @@ def _reached(function: str, calls: Mapping[str, set[str]]) -> set[str]:
 
 
 def _deepest(function: str, stacks: Mapping[str, int], calls: Mapping[str, set[str]]) -> int:
-    """Bytes on the stack along the deepest chain of calls; generated functions do not call themselves."""
+    """Bytes on the stack along the deepest chain of calls; no generated function calls itself."""
     below = [_deepest(f, stacks, calls) for f in calls.get(function, ()) if f in stacks]
     return stacks.get(function, 0) + max(below, default=0)

@@ -1,4 +1,4 @@
-"""Merging of links that fixed joints hold together into bodies."""
+"""Merges links that fixed joints connect into bodies."""
 
 from __future__ import annotations
 
@@ -66,18 +66,19 @@ class Bodies:
     grounded: list[tuple[Link, Placement]] = field(default_factory=list)
 
     def merged_frames(self) -> list[tuple[str, str, Placement]]:
-        """Links merged into a body: name, innermost link of the body or `WORLD`, and frame of the file in it."""
+        """Links merged into a body: name, innermost link of the body or `WORLD`, and the file's frame relative to
+        it."""
         every = [(WORLD, link, frame) for link, frame in self.grounded]
         every += [(name, link, frame) for name, body in self.all.items() for link, frame in body.merged]
         return [(link.name, holder, frame @ link.origin) for holder, link, frame in every]
 
     def children(self, link: str) -> list[ImportedBody]:
-        """The bodies that the joints of a body carry."""
+        """The bodies that are attached to a body by joints."""
         return [body for body in self.all.values() if body.parent == link]
 
 
 def put_on_ground(robot: Robot, base: str) -> None:
-    """Attach every link that is no joint's child to the ground, by a fixed or a free joint."""
+    """Attaches every link that is not the child of a joint to the ground, by a fixed or a free joint."""
     carried = {joint.child for joint in robot.joints.values()}
     before = {}
     for link in robot.links.values():

@@ -67,7 +67,7 @@ class Files:
         return [*self.paths, *above]
 
     def missing(self, name: str, folder: Path | None = None) -> str | None:
-        """Reason why no file with a name is found; None if the file is found."""
+        """The reason why no file with a name was found; None if there is one."""
         if not name:
             return "without a file's name"
         if self.find(name, folder) is not None:
@@ -80,7 +80,7 @@ class Files:
         return "file not found"
 
     def forbidden(self, path: str | os.PathLike[str]) -> str | None:
-        """Reason why an existing file may not be read; None if reading it is allowed."""
+        """The reason why an existing file may not be read; None if it may be read."""
         resolved = os.path.realpath(path)
         if not any(_is_within(resolved, folder) for folder in self.allowed):
             folder = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)

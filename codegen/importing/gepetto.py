@@ -23,24 +23,24 @@ from .robot import Closing, Effect, Place, Robot
 BESIDE: Final = "robot.yaml"
 KEYS: Final = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
 _OWN: Final = re.compile(r"\b(closed_loop|joint_type|name_mot)\b")
-"""Keys that occur in Gepetto's files only."""
+"""Keys that occur only in files of Gepetto."""
 _AXES: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 JOINTS: Final[dict[str, tuple[str, tuple[Three, ...]]]] = {
     "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_AXES["X"], _AXES["Y"])),
     **{f"UJOINT_{a}{b}": ("universal", (_AXES[a], _AXES[b])) for a, b in permutations("XYZ", 2)},
 }  # fmt: skip
-"""Gepetto's joint types in the model format, with axes in the joint's frame."""
+"""Gepetto's joint types as joints of the model format, with axes in the joint's frame."""
 LOOPS: Final = {"3D": "point", "6D": "fixed"}
 
 
 def beside(urdf: str) -> str | None:
-    """The ``robot.yaml`` in the folder of a URDF, if it is Gepetto's."""
+    """The path of ``robot.yaml`` in the folder of a URDF, if the file is in Gepetto's format."""
     path = Path(urdf).parent / BESIDE
     return str(path) if path.is_file() and is_gepettos(path) else None
 
 
 def is_gepettos(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is one of Gepetto's, and not a side file in the model format."""
+    """Whether a file is in Gepetto's format, and not a side file in the model format."""
     try:
         text = read_file(os.fspath(path))
         if _OWN.search(text) is None:  # a search avoids the slow parsing of a long model file
@@ -109,7 +109,7 @@ class _Reader:
         return []
 
     def as_many(self, key: str, values: list[Any], other: str, others: list[Any]) -> bool:
-        """Whether two lists have equal lengths; reports an error if the lengths differ."""
+        """Whether two lists have equal lengths; an error is reported if not."""
         if len(values) == len(others):
             return True
         if key in self.document.root:
@@ -150,7 +150,7 @@ class _Reader:
         self.robot.closings.append(Closing(name, place, LOOPS[kind.upper()], *ends))
 
     def link(self, name: str, k: int, i: int) -> str | None:
-        """The link of a frame. The frame has the name of the link, or of the joint that carries the link."""
+        """The link of a frame that is named after the link, or after the joint that carries the link."""
         if name in self.robot.links:
             return name
         joint = self.robot.joints.get(name)

@@ -1,4 +1,4 @@
-"""Conversion of a robot's file, or of another program's object, into a model."""
+"""Converts a robot file, or an object of another program, into a model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .writing import ModelWriter
 from .xml_reading import Element, no_regular_file, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
-"""Formats of robot files, by the root element."""
+"""Formats of robot files, by name of the root element."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +304,7 @@ def _refuse(root: Element, option: str, value: str | None, what: str) -> None:
 
 
 def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Options:
-    """Options for the import of an object; options about files are refused."""
+    """The options of the import of an object; raises an error for options about files."""
     wrong = [name for name in others if options.get(name)]
     if wrong:
         message = "applies to files only; leave it out"
@@ -315,7 +315,7 @@ def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Opt
 
 
 def _check_loops(chosen: Options) -> None:
-    """Refuse a side file that cannot be read to its end, such as a named pipe."""
+    """Raises an error if a side file cannot be read to its end, such as a named pipe."""
     message = None if chosen.loops is None else no_regular_file(chosen.loops)
     if chosen.loops is not None and message is not None:
         said = f"cannot be read: {message}; give a YAML file with a section loops"
@@ -395,7 +395,8 @@ def _check_options(robot: Robot, options: Options) -> None:
 
 
 def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:
-    """Errors for masses and centres of mass that cannot become parameters, since a constant force carries the weight."""
+    """Checks lifted links: a constant force carries their weight, so mass and centre of mass cannot become
+    parameters."""
     found = []
     for name in robot.lifted:
         body = bodies.all.get(bodies.holders[name][0])
@@ -406,7 +407,7 @@ def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:
 
 
 def _lift(robot: Robot, bodies: Bodies) -> None:
-    """Add forces that carry part of the weight of links, each at the centre of mass."""
+    """Adds forces that carry part of the weight of links, each at the centre of mass of the link."""
     for name, part in robot.lifted.items():
         inertia = robot.links[name].inertia
         if bodies.holders[name][0] == WORLD or inertia.mass * part == 0 or not any(robot.gravity):
@@ -418,7 +419,8 @@ def _lift(robot: Robot, bodies: Bodies) -> None:
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
-    """Turn mimic joints into couplings; returns errors for joints that no coupling can express, unless --free-mimic is set."""
+    """Turns mimic joints into couplings; returns errors for joints that no coupling can express, without
+    --free-mimic."""
     found, kept = [], []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
@@ -436,7 +438,7 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
 
 
 def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
-    """Reason why a joint cannot follow another, and the remedy; empty if the joint can follow."""
+    """The reason why a joint cannot follow another, and the remedy; empty if it can."""
     if coupling.unreadable:
         return "which is not read; --free-mimic leaves it out"
     if coupling.of not in robot.joints:
@@ -453,7 +455,7 @@ def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
 
 
 def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
-    """The comment at the top of the model file: the origin, and the parts that were left out."""
+    """The comment at the top of the model file: the origin, and what the import left out."""
     lines = [f"{one_line(source)}, imported by ordernm.", *map(one_line, robot.notes)]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
@@ -475,7 +477,7 @@ def _entries(texts: Iterable[str]) -> list[str]:
 
 
 def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], side: SideFile) -> Model:
-    """The model of a text; errors in it are reported for the robot's file."""
+    """The model of a text; its errors refer to the robot's file."""
     try:
         return parse_model(text, robot.file)
     except ModelError as error:

@@ -1,4 +1,4 @@
-"""Impossible masses and inertias: reported, and repaired on request."""
+"""Impossible masses and inertias: the import reports them, and repairs them on request."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FIXED: Final = "; repaired: the joint is fixed"
 _LARGEST: Final = 1e150
 """Largest number accepted; its square is still finite."""
 _WATER: Final = 1000.0
-"""Density of the balls that replace point masses, kg/m^3."""
+"""Density of the balls that replace point masses, that of water, kg/m^3."""
 
 
 def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Problem]:
@@ -66,7 +66,7 @@ def _named(joint: RobotJoint) -> str:
 
 
 def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
-    """Find bodies and loops whose numbers overflowed when links were merged."""
+    """Finds bodies and loops whose numbers became too large when links were merged."""
     found = []
     for closing in robot.closings:
         faces = [v for _, f in (closing.start, closing.end) for v in (*f.at, *f.rotation.ravel())]
@@ -86,7 +86,7 @@ def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
 
 
 def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
-    """Find impossible inertias, and repair them on request; inertias that are not repaired are kept, with a warning."""
+    """Finds impossible inertias and repairs them on request; without repair they are kept, with a warning."""
     whole, size = 0.0, 0.0
     for body in bodies.all.values():
         whole += body.inertia.mass
@@ -114,7 +114,7 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
 
 
 def _doubt(body: ImportedBody, dirt: float) -> str | None:
-    """The reason why a body's inertia is impossible; None if it is possible."""
+    """The reason why the inertia of a body is impossible; None if it is possible."""
     matrix = body.inertia.matrix
     scale = float(np.abs(matrix).max())
     name = f"the inertia of link {shortened(body.link.name)}"
@@ -149,6 +149,6 @@ def nearest_inertia(matrix: Array) -> Array:
 
 
 def _ball(mass: float) -> Array:
-    """Inertia of a ball of water."""
+    """The inertia of a ball of water of the given mass."""
     radius = (3 * mass / (4 * math.pi * _WATER)) ** (1 / 3)
     return 0.4 * mass * radius * radius * np.eye(3)

@@ -45,13 +45,13 @@ _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _TYPES: Final = {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}
 _CONNECT, _WELD, _JOINT = range(3)
 _SITE: Final = 6
-"""Value of mjtObj for sites."""
+"""The number of sites among MuJoCo's object types (mjtObj)."""
 _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
 _GREY: Final = (0.5, 0.5, 0.5, 1.0)
-"""Colour of geoms that give none."""
+"""The colour of a geom without a colour of its own."""
 _MESH_FOLDERS: Final = ("meshdir", "assetdir")
 _HIDDEN: Final = 3
-"""First group of geoms that MuJoCo's viewer hides."""
+"""The first group of geoms that MuJoCo's viewer does not show."""
 _DIRT: Final = 1e-15
 
 _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
@@ -110,7 +110,7 @@ def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -
 
 
 def read_mujoco(model: Any, key: str | None = None) -> Robot:
-    """The robot of an `mujoco.MjModel`, in the keyframe `key`, or in the first one."""
+    """The robot of an `mujoco.MjModel`, initially in the keyframe `key`, or in the first keyframe."""
     mujoco = _mujoco()
     if not isinstance(model, mujoco.MjModel):
         raise TypeError(
@@ -128,7 +128,7 @@ def _mujoco() -> Any:
 
 
 def _said(file: str, text: str, parts: MjcfFiles) -> Problem:
-    """A MuJoCo error, at the line that MuJoCo's message states, or at the element that the message names."""
+    """A MuJoCo error with its place: the line in MuJoCo's message, or the element that the message names."""
     line = re.search(r"\bline[ =](?:number=)?(\d+)", text) or re.search(r"Line number=(\d+)", text)
     what = " ".join(re.sub(r"(?:, )?line \d+|Error(?:ID)?=\S+(?: \(\w+\))?|Line number=\d+:?", " ", text).split())
     message = f"MuJoCo cannot compile it: {what}"
@@ -144,7 +144,7 @@ class _Reader:
     def __init__(self, model: Any, file: str, parts: MjcfFiles | None, key: str | None) -> None:
         self.model = model
         self.disabled = partial(disabled, _mujoco(), model)
-        """Whether at least one of the given flags is disabled."""
+        """Whether at least one of the given flags of the model is disabled."""
         self.file = file
         self.parts = parts
         self.key = key
@@ -176,7 +176,7 @@ class _Reader:
         return self.robot
 
     def unique(self, kind: str, count: int) -> list[str]:
-        """Unique names of all objects of a kind, including objects without a name."""
+        """Unique names of all objects of one kind; objects without a name get one."""
         access = getattr(self.model, kind)
         given = [access(i).name for i in range(count)]
         used = set(given)
@@ -187,7 +187,7 @@ class _Reader:
         return given
 
     def place(self, kind: str, name: str, number: int | None = None) -> Place:
-        """Place of an element of a kind in the files: by its name, or by its number in the list of that kind."""
+        """The place in the files of an element of one kind: found by name, or by number in the list of that kind."""
         found = self.places.get((kind, name)) if name else None
         if found is None and number is not None and self.parts is not None:
             listed = self.parts.joints() if kind == "joint" else self.parts.listed(kind)
@@ -196,13 +196,13 @@ class _Reader:
         return found or Place(self.file)
 
     def ranked(self, kind: str) -> range:
-        """Indices of the compiled objects of a kind."""
+        """The indices of compiled objects of one kind."""
         model = self.model
         counts = {"equality": model.neq, "tendon": model.ntendon, "keyframe": model.nkey, "joint": model.njnt}
         return range(int(counts.get(kind, len(model.actuator_trntype))))
 
     def origin(self, b: int) -> Placement:
-        """MuJoCo's body frame in the frame of its link."""
+        """The frame of a MuJoCo body relative to the frame of its link."""
         return Placement() if b == 0 else self.robot.links[self.links[b]].origin
 
     def body(self, b: int) -> None:
@@ -274,7 +274,7 @@ class _Reader:
         return 0.0
 
     def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> tuple[float, float]:
-        """Stiffness and rest position of a joint's spring; 0 if it is a polynomial, which becomes a force term."""
+        """Stiffness and rest position of the spring of a joint; 0 if it is a polynomial, which becomes a force term."""
         model = self.model
         stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), row(model, "jnt_stiffnesspoly", k)
         if not stiffness and not np.any(more):
@@ -385,7 +385,7 @@ class _Reader:
             self.robot.couplings.append(Coupling(name, place, own, of, float(data[1]), float(data[0]), unreadable))
 
     def begin(self) -> None:
-        """Set the initial state to the state of a keyframe."""
+        """Sets the initial state to that of a keyframe."""
         model, count = self.model, int(self.model.nkey)
         names = [model.key(i).name for i in range(count)]
         if self.key == "" or (self.key is None and not count):
@@ -411,7 +411,7 @@ class _Reader:
             self.leave_out_of_key(k, self.place("keyframe", names[k], k))
 
     def leave_out_of_key(self, k: int, place: Place) -> None:
-        """List values of a keyframe for actuators and mocap bodies, which have no state in the model."""
+        """Lists values of a keyframe that have no state in the model: those of actuators and mocap bodies."""
         model, leave_out = self.model, self.robot.leave_out
         if model.key_act[k].any():
             leave_out("act of the <key>", place, Effect.DIFFERS, "actuators have no activation here")
@@ -442,7 +442,7 @@ class _Reader:
         self.robot.speeds[joint.name] = tuple(speeds)
 
     def leave_out(self) -> None:
-        """List parts of the compiled model that the model format lacks, each with its lines in the files."""
+        """Lists parts of the compiled model that the model format cannot express, each with its lines in the files."""
         model, robot = self.model, self.robot
         seen: set[str] = set()
         for count, (tag, group, remark, effect) in _LISTED.items():
@@ -478,11 +478,11 @@ class _Reader:
             )
 
     def elements(self, *tags: str) -> Iterator[Element]:
-        """All elements with some tags in all files, except elements in defaults."""
+        """All elements with the given tags in all files, except elements in defaults."""
         return iter(()) if self.parts is None else (e for e in self.parts.used() if e.tag in tags)
 
     def lines(self, tag: str, group: str) -> list[Place | None]:
-        """Places of the elements of a tag, or of the children of `group`."""
+        """The places of all elements of a tag, or of all children of `group`."""
         if group:
             return [place_of(child) for element in self.elements(group) for child in element.children]
         also = {"flex": ("flex", "flexcomp")}.get(tag, (tag,))

@@ -1,4 +1,4 @@
-"""The files of an MJCF: checks before MuJoCo reads them, and the lines of their elements."""
+"""The files of an MJCF model: checks before MuJoCo reads them, and the lines of their elements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FOLDERS: Final = {
     "texture": ("texturedir", "assetdir"),
 }
 _COPIES: Final = {"replicate": 1, "composite": 3, "flexcomp": 3}
-"""Elements that make ``count`` copies, and the largest number of values in ``count``."""
+"""Elements that create ``count`` copies, each with the maximum number of values in ``count``."""
 
 
 class MjcfFiles:
@@ -101,7 +101,7 @@ class MjcfFiles:
         return [child for element in self.used() if element.tag == kind for child in element.children]
 
     def joints(self) -> list[Element]:
-        """Joints in the order of the compiled model: a body's joints precede the joints of its child bodies."""
+        """Joints in the order of the compiled model: the joints of a body precede those of its child bodies."""
         found: list[Element] = []
         stack = [e for e in self.used() if e.tag == "worldbody"][::-1]
         while stack:
@@ -125,7 +125,7 @@ class MjcfFiles:
         return (element for element in self.every() if element.tag in tags)
 
     def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:
-        """Add the files that a file includes, and the models that it attaches."""
+        """Adds the files that a file includes and the models that it attaches."""
         self.parts.append((root, prefix))
         if len(chain) > MAX_CHAIN:
             self.problems.append(root.problem(f"more than {MAX_CHAIN} files include each other; use fewer"))
@@ -153,7 +153,7 @@ class MjcfFiles:
                     self.gather(self.models[own], prefix + prefix_, (*chain, self.models[own].file))
 
     def opened(self, element: Element, name: str) -> Element | None:
-        """The root element of a file; None if MuJoCo will report the error."""
+        """The root element of a file; None if the file cannot be parsed, an error that MuJoCo reports."""
         for folder in (self.main, Path(element.file).resolve().parent):
             path = Path(os.path.join(folder, name))
             if not _exists(path):
@@ -173,7 +173,7 @@ class MjcfFiles:
         return None
 
     def check(self, element: Element) -> None:
-        """Find files that may not be read, and sizes that exceed any machine."""
+        """Finds files that may not be read, and sizes that exceed any machine."""
         attributes = element.attributes
         for key, name in attributes.items():
             if key.startswith("file") and name and element.tag not in ("include", "model"):
@@ -202,7 +202,7 @@ class MjcfFiles:
                         return
 
     def weigh(self, root: Element, chain: tuple[int, ...] = ()) -> int:
-        """Number of elements of a file, counting copies; stores the number for each element in `weights`."""
+        """The number of elements of a file, counting copies; `weights` stores the number of each element."""
         if id(root) in chain:
             return 0
         if id(root) in self.weights:
@@ -223,7 +223,7 @@ class MjcfFiles:
         return self.weights[id(root)]
 
     def places(self) -> dict[tuple[str, str], Place]:
-        """Places of named elements, by kind and by name in the compiled model."""
+        """The places of named elements, by kind and by their names in the compiled model."""
         found: dict[tuple[str, str], Place] = {}
         for part, prefix in self.parts:
             stack = [(part, "")]
@@ -257,7 +257,7 @@ def _exists(path: Path) -> bool:
 
 
 def _whole(text: str) -> int:
-    """The integer in a text; 1 if the text is no integer, since MuJoCo then reports an error."""
+    """The integer in a text; 1 if the text is not an integer, an error that MuJoCo reports."""
     try:
         value = float(text)
     except ValueError:

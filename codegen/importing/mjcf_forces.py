@@ -44,7 +44,7 @@ class Length:
 
 
 class Pull(NamedTuple):
-    """The force of an actuator on a tendon; ``gear`` is the factor of the length."""
+    """The force of an actuator on a tendon; ``gear`` is the factor of the tendon's length."""
 
     name: str
     place: Place
@@ -54,7 +54,7 @@ class Pull(NamedTuple):
 
 
 def terms_of(pairs: list[tuple[float, str]], constant: float = 0.0) -> str:
-    """A sum such as ``2*q.{} - q.{} + 0.5``, from factors and texts."""
+    """The text of a sum, such as ``2*q.{} - q.{} + 0.5``, from factors and texts."""
     texts = [_scaled(factor, text) for factor, text in pairs if factor]
     if constant:
         texts.append(number(constant))
@@ -96,7 +96,7 @@ def _law(factor: float, more: Any, of: str, powers: list[str]) -> str:
 
 
 def disabled(mujoco: Any, model: Any, *words: str) -> bool:
-    """Whether any of some flags is disabled; before MuJoCo 3.3 one flag disables both springs and dampers."""
+    """Whether any of the given flags is disabled; before MuJoCo 3.3, one flag disables both springs and dampers."""
     bits = mujoco.mjtDisableBit
     both = getattr(bits, "mjDSBL_PASSIVE", 0)
     masks = (int(getattr(bits, f"mjDSBL_{w}", both if w in ("SPRING", "DAMPER") else 0)) for w in words)
@@ -104,7 +104,7 @@ def disabled(mujoco: Any, model: Any, *words: str) -> bool:
 
 
 def row(model: Any, name: str, k: int) -> Any:
-    """The numbers of one element; empty if this MuJoCo version has no such field."""
+    """The numbers of one element; empty if the installed MuJoCo has no such field."""
     rows = getattr(model, name, None)
     return np.zeros(1) if rows is None or not len(rows) else np.ravel(rows[k])
 
@@ -131,7 +131,7 @@ class PassiveForces:
         self.mujoco = mujoco
         self.model = model
         self.off = partial(disabled, mujoco, model)
-        """Whether at least one of the given flags is disabled."""
+        """Whether at least one of the given flags of the model is disabled."""
         self.robot = robot
         self.links = links
         self.joints = joints
@@ -140,9 +140,9 @@ class PassiveForces:
         self.lengths: dict[int, Length | None] = {}
         self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
         self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
-        """Actuator forces on joints that limit the sum of these forces."""
+        """Actuator forces on joints that have a limit for the sum of these forces."""
         self.pulled: dict[int, list[Pull]] = {}
-        """Actuators of tendons that limit the sum of their forces."""
+        """Actuators of tendons that have a limit for the sum of their forces."""
 
     def read(self) -> None:
         """Add all passive forces of the model to the robot."""
@@ -156,7 +156,7 @@ class PassiveForces:
         self.lift()
 
     def clamp(self) -> None:
-        """Add the actuator forces on joints that limit the sum of these forces."""
+        """Adds the actuator forces on joints that have a limit for their sum."""
         for joint, terms in self.driven.items():
             if terms:
                 low, high = (number(float(v)) for v in self.model.jnt_actfrcrange[self.limited[joint]])
@@ -251,7 +251,7 @@ class PassiveForces:
         return Length(terms_of(value, constant), terms_of(rate), of, {}, segments)
 
     def apart(self, a: int, b: int) -> float:
-        """Distance between two sites of one rigid body."""
+        """The distance between two sites of the same rigid body."""
         ends = []
         for site in (a, b):
             body, at = int(self.model.site_bodyid[site]), self.model.site_pos[site]
@@ -262,7 +262,7 @@ class PassiveForces:
         return float(np.linalg.norm(ends[0] - ends[1]))
 
     def mark(self, site: int) -> str:
-        """The point of a site; the point is added if it is new."""
+        """The point of a site; it is added to the model if it is new."""
         name = self.model.site(site).name or f"site_{site}"
         if all(mark.name != name for mark in self.robot.marks):
             body = int(self.model.site_bodyid[site])
@@ -308,7 +308,7 @@ class PassiveForces:
             self.act(f"{named}{end}", length, damper_law(damping, dampers, length.rate), 1.0)
 
     def rotor(self, length: Length | None, armature: float, what: str, place: Place) -> None:
-        """Add a rotor's inertia along a length, which must depend on one joint only."""
+        """Adds the inertia of a rotor that turns with a length; the length must depend on one joint only."""
         if length is None or len(length.factors) != 1:
             self.robot.leave_out(what, place, Effect.DIFFERS, "it couples the inertias of several joints")
             return
@@ -318,7 +318,8 @@ class PassiveForces:
         self.robot.give_armature(joint, (before + armature * factor * factor,), place)
 
     def act(self, name: str, length: Length, text: str, factor: float, driven: bool = False) -> None:
-        """Add a force along a length, on joints or between points; force limits of joints apply if `driven` by an actuator."""
+        """Adds a force along a length, on joints or between points; if `driven` by an actuator, joint force limits
+        apply."""
         if not text:
             return
         count = text.count("{}")
@@ -335,7 +336,7 @@ class PassiveForces:
     # ---- actuators -----------------------------------------------------------------------------------------------------
 
     def actuator(self, a: int) -> None:
-        """Add the force of an actuator without control."""
+        """Adds the force that an actuator exerts without control."""
         model, robot, mujoco = self.model, self.robot, self.mujoco
         name = model.actuator(a).name
         place = self.place("actuator", name, a)
@@ -381,12 +382,12 @@ class PassiveForces:
             robot.leave_out("actuatorfrcrange of joints that a tendon pulls", place, Effect.DIFFERS)
 
     def is_off(self, a: int) -> bool:
-        """Whether the group to which an actuator belongs is disabled."""
+        """Whether the group of an actuator is disabled."""
         group = int(self.model.actuator_group[a])
         return 0 <= group <= 30 and bool(int(getattr(self.model.opt, "disableactuator", 0)) >> group & 1)
 
     def affine(self, a: int) -> tuple[float, float, float] | None:
-        """Force without control: constant, coefficient of the length, and of its rate; None for any other law."""
+        """The force without control: constant, coefficients of the length and of its rate; None for any other law."""
         model, mujoco = self.model, self.mujoco
         bias, gain, dynamics = (int(getattr(model, f"actuator_{word}type")[a]) for word in ("bias", "gain", "dyn"))
         control = 0.0
@@ -411,7 +412,7 @@ class PassiveForces:
         return first, second, third
 
     def reflected(self, a: int, place: Place, length: Length | None, joint: int) -> None:
-        """Add the armature and the damping that an actuator's rotor has."""
+        """Adds the armature and the damping of the rotor of an actuator."""
         model = self.model
         armature, damping = (float(row(model, f"actuator_{p}", a)[0]) for p in ("armature", "damping"))
         more = row(model, "actuator_dampingpoly", a)

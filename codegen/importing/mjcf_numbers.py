@@ -1,4 +1,4 @@
-"""Check of the numbers of a compiled MuJoCo model, since MuJoCo accepts ``nan`` and ``inf``."""
+"""Checks the numbers of a compiled MuJoCo model, since MuJoCo accepts ``nan`` and ``inf``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..model.positions import shortened
 from .robot import Place
 
 LARGEST: Final = 1e75
-"""Largest number accepted; the product of four is still finite."""
+"""Largest number that is accepted; the product of four such numbers is still finite."""
 
 _POWERS: Final = "stiffness stiffnesspoly damping dampingpoly armature"
 _READ: Final = {
@@ -24,7 +24,7 @@ _READ: Final = {
     ("actuator", "actuator"): f"gear biasprm gainprm {_POWERS}",
     ("equality", "eq"): "data",
 }
-"""Fields that are read, by kind of element and prefix of MuJoCo's arrays."""
+"""Fields that the import reads, by kind of element and prefix of MuJoCo's arrays."""
 
 
 def problems_of_numbers(model: Any, file: str, place: Callable[[str, str, int | None], Place]) -> list[Problem]:

@@ -20,12 +20,12 @@ ALIAS, NAME = __name__, codegen.__name__
 
 
 def _named(alias: str) -> str:
-    """The module that a name within the alias stands for."""
+    """The module of ``codegen`` that has the given name within the alias ``ordernm``."""
     return NAME + alias.removeprefix(ALIAS)
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds ``ordernm.X`` by importing ``codegen.X``, and gives that module."""
+    """Finder of ``ordernm.X``: imports ``codegen.X`` and returns that module."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -49,7 +49,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
             module.__spec__ = module.__spec__.loader_state
 
     def get_code(self, fullname: str) -> CodeType | None:
-        """For ``python -m ordernm``."""
+        """The code of the package's main module, for ``python -m ordernm``."""
         found = importlib.util.find_spec(_named(fullname))
         loader = None if found is None else found.loader
         return loader.get_code(_named(fullname)) if isinstance(loader, importlib.abc.InspectLoader) else None

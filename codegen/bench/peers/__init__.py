@@ -1,1 +1,1 @@
-"""Other programs on the problems of the benchmark, one per file; each is imported only if it is installed."""
+"""Other programs that solve problems of the benchmark, one per file; each is imported only if it is installed."""

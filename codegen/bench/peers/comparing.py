@@ -1,4 +1,4 @@
-"""Problems that other programs also solve: all programs take turns in one run."""
+"""Problems that other programs also solve: one run measures all programs in turn."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from . import programs
 from .programs import Contestant, Ends
 
 NEEDED = {"CasADi": "casadi", "Pinocchio": "pinocchio", "MuJoCo": "mujoco", "SciPy": "scipy"}
-"""Other programs, and the modules that they need."""
+"""The other programs, each with the modules that it needs."""
 
 TREES = ("flyball", "chain_motion")
 """Motions that other programs compute."""
@@ -85,7 +85,7 @@ def contestants(problem: Motion, folder: Path, there: set[str]) -> list[Contesta
 
 
 def rows(problem: Motion, everyone: Sequence[Contestant], budget: float) -> list[dict[str, Any]]:
-    """Error, error of derivatives and least CPU time of each program, called from Python."""
+    """The error, the error of derivatives and the least CPU time of each program, called from Python."""
     exact = problem.exact()
     found = []
     for c in everyone:

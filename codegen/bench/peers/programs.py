@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...runtime import Solver
 
 Ends = tuple[Sequence[float], Sequence[Sequence[float]] | None]
-"""The quantities of a problem at its end, and their derivatives if the program computes any."""
+"""The quantities of a problem at its end, and their derivatives if the program computes them."""
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 SCIPY = (("DOP853", TOLERANCES), ("Radau", TOLERANCES[:1]))
@@ -86,7 +86,7 @@ def casadi_rates(n: int) -> tuple[Any, Any, Any]:
 
 
 def mujoco(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contestant]:
-    """MuJoCo's integrator of order 4 on the chain of n rods, with constant steps."""
+    """The chain of n rods, integrated by MuJoCo's method of order 4 with constant steps."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(chain_xml(n))
@@ -118,7 +118,7 @@ def chain_xml(n: int) -> str:
 
 
 def pinocchio(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contestant]:
-    """Pinocchio's articulated-body algorithm on the chain, integrated by SciPy's DOP853, as a Python user would write it."""
+    """The chain by Pinocchio's articulated-body algorithm and SciPy's DOP853, as a Python user would write it."""
     import pinocchio as pin
     from scipy.integrate import solve_ivp
 

@@ -1,4 +1,4 @@
-"""Matrices and batches of robots by ordernm and Pinocchio, both called from Python, taking turns."""
+"""Matrices and batches of robots, computed alternately by ordernm and by Pinocchio, both called from Python."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Call = Callable[[], Any]
 def measure_robots(
     problem: Robots, folder: Path, quick: bool, progress: Callable[[str], None], budget: float
 ) -> dict[str, Any]:
-    """Errors and times of every robot whose file can be read, and the reasons why other robots were not measured."""
+    """Errors and times of every robot whose file can be read, and the reason for each robot that was not measured."""
     rows: list[dict[str, Any]] = []
     skipped: dict[str, str] = {}
     there = importlib.util.find_spec("pinocchio") is not None
@@ -108,7 +108,8 @@ def _theirs(model: Any, state: State) -> dict[str, Call]:
 
 
 def _difference(ours: dict[str, Call], theirs: dict[str, Call], state: State) -> float:
-    """The largest relative difference of all computed quantities; of the symmetric matrices, only the upper half is compared."""
+    """The largest relative difference of all computed quantities; symmetric matrices are compared in their upper
+    half."""
     order, square = state.order, np.ix_(state.order, state.order)
     J = ours[JACOBIANS]()
     by_q, by_u, inverse = (np.array(x) for x in theirs[JACOBIANS]())

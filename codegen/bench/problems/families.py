@@ -16,9 +16,9 @@ from ..problem import Array, Evaluation, Family, Reference
 
 DIGITS = 40
 ENGINE_TO = 60
-"""Largest number of bodies with the generic engine in 40 digits as reference; ten bodies take about a second."""
+"""Largest number of bodies that the generic engine computes in 40 digits; ten bodies take about a second."""
 ALL_DIRECTIONS_TO, ONE_DIRECTION_TO = 100, 1000
-"""Largest chains whose eight directions, or whose first direction, are computed in 40 digits: 1 ms per rod and direction."""
+"""Largest chains computed in 40 digits for eight directions and for one direction; 1 ms per rod and direction."""
 
 
 def exact(x: Array) -> Any:
@@ -28,7 +28,7 @@ def exact(x: Array) -> Any:
 
 def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]], q: Array, u: Array, p: float,
           dq: Array, du: Array, dp: Array) -> Reference:  # fmt: skip
-    """A function of q, u and one parameter, with its derivatives along directions by dual numbers."""
+    """The function of q, u and one parameter, with its derivatives along directions computed by dual numbers."""
     with mpmath.workdps(DIGITS):
         seeded = [[Dual(x, y) for x, y in zip(exact(v), map(exact, w.T), strict=True)] for v, w in ((q, dq), (u, du))]
         found = [Dual.of(x) for x in function(seeded[0], seeded[1], Dual(mpmath.mpf(p), exact(dp[:, 0])))]
@@ -62,7 +62,7 @@ def chain(n: int) -> Evaluation:
 
 
 def ladder(loops: int) -> Evaluation:
-    """The ladder has one independent angle, that of the rungs, which lean by 30 degrees."""
+    """The ladder, with one independent angle: that of the rungs, which lean by 30 degrees."""
     n = 2 * loops + 1
     text, directions = text_of("LADDER", loops), seeds(2 * loops + 1)
 
@@ -82,7 +82,7 @@ def ladder(loops: int) -> Evaluation:
 
 
 def by_the_engine(name: str, size: int, speeds: int, bodies: int) -> Evaluation:
-    """An example in its initial state, compared with the generic recursive engine in 40 digits."""
+    """An example model in its initial state, compared with the generic recursive engine in 40 digits."""
     text, directions = text_of(name, size), seeds(speeds)
 
     def reference() -> Reference:

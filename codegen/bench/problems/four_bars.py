@@ -23,7 +23,7 @@ SOURCE = (
 
 
 def tip(n: int, t: Any, g: Any = None, length: Any = 1, v0: Any = 1) -> list[Any]:
-    """x and y of the tip of the first crank, as mpmath numbers."""
+    """The coordinates x and y of the tip of the first crank, as mpmath numbers."""
     with mpmath.workdps(DIGITS):
         t, length, v0 = mpmath.mpf(t), mpmath.mpf(length), mpmath.mpf(v0)
         g = mpmath.mpf("9.81") if g is None else g
@@ -55,7 +55,7 @@ and v0.
 
 
 PUBLISHED = (2, 40)
-"""Numbers of loops with published motions; both methods integrate these motions."""
+"""Numbers of loops whose motions have been published; two methods integrate these motions."""
 
 
 def _four_bars(n: int, end: float, goals: tuple[Goal, ...], most: int) -> Motion:

@@ -10,7 +10,7 @@ ANDREWS_END = (
     15.810771195153704691, -15.756371058411837046, 0.040822240119646751159, -0.53473011634207794399, 0.52440996587995403308,
     0.53473011634207770118, 1.0480807410419377723,
 )  # fmt: skip
-"""beta, Theta, gamma, Phi, delta, Omega, epsilon at 0.03 s, rad."""
+"""The angles beta, Theta, gamma, Phi, delta, Omega and epsilon at 0.03 s, rad."""
 
 ANDREWS = Motion(
     name="andrews",

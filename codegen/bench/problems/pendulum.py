@@ -19,7 +19,7 @@ SOURCE = (
 
 @cache
 def _end(start: float, end: float) -> tuple[float, float]:
-    """x and y of the ball, which starts at the height of the pivot, at x = `start` (-1 or 1)."""
+    """The coordinates x and y of the ball, which starts at the height of the pivot, at x = `start` (-1 or 1)."""
     angle, _ = swing("9.81", end)
     return start * float(angle.sin), -float(angle.cos)
 

@@ -39,7 +39,7 @@ chains."""
 
 
 def planar(n: int, first: float, others: float) -> Evaluation:
-    """A chain whose first joint is at one angle and whose other joints are at another, rad."""
+    """A chain whose first joint has one angle and whose other joints have another, rad."""
     k = np.arange(1, n + 1)
     q, u = np.full(n, others), 0.2 * np.cos(k)
     q[0] = first

@@ -48,7 +48,7 @@ class Memory:
 
 
 def call_memory(procedures: tuple[Procedure, ...]) -> Memory:
-    """The pointers and arrays that procedures need beyond the memory of the sweeps."""
+    """The pointers and arrays of procedures that are not part of the memory of sweeps."""
     found = Memory()
     together: dict[Array, set[Array]] = {}
     for p in procedures:

@@ -19,7 +19,7 @@ SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "
 list."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
-"""Functions whose results may be infinite; their callers check them."""
+"""Functions whose results may be infinite; the caller checks the results."""
 
 _WITH_DEFAULT = ("p", "inputs")
 """Arguments with default values, which callers may omit."""

@@ -19,14 +19,14 @@ GROUP = 4
 """Number of columns in a group."""
 
 MASKS = ("own", "below", "path", "still", "fresh")
-"""Column groups known for every link: see `mechanics.sweeps.Sweep.groups`."""
+"""Names of the sets of column groups that are known for every link; see `mechanics.sweeps.Sweep.groups`."""
 
 Written = Callable[[Array], str]
-"""Returns the C expression of an array."""
+"""A function that returns the C expression of an array."""
 
 
 class ColumnsInC:
-    """Data shared by the functions of a solver that compute all columns of matrices."""
+    """Data that all functions share which compute columns of matrices."""
 
     masks, group = MASKS, GROUP
 
@@ -50,7 +50,7 @@ class ColumnsInC:
 
     @property
     def parent(self) -> str:
-        """The C expression of the parent of link i, for a macro."""
+        """The C expression of the parent of link i, used in a macro."""
         return "((i) - 1)" if self.serial else "parent_of[i]"
 
     @property
@@ -62,7 +62,7 @@ class ColumnsInC:
 
     @property
     def files(self) -> list[str]:
-        """Names of the template files for computations over columns."""
+        """Names of the template files of the computations over columns."""
         wanted = {
             "regular": self.regular, "irregular": not self.regular, "groups": self.found_anew, "take": self.taken,
             "symmetric": self.symmetric, "blocks": self.in_blocks, "weighted": self.weighted_whole,
@@ -71,7 +71,7 @@ class ColumnsInC:
         return [f"c/columns_{name}.c.jinja" for name, needed in wanted.items() if needed]
 
     def regions(self, fields: int, links: int) -> list[tuple[str, bool, int]]:
-        """Memory: values of links per column, rows of seeds and results, groups of links, weights."""
+        """Regions of memory: values of links per column, rows of seeds and results, groups of links, weights."""
         if not self.steps:
             return []
         rows = max(sum(a.size for a in (*(() if fits(s) else s.seeds), s.of)) for s in self.steps)
@@ -84,13 +84,13 @@ class ColumnsInC:
         ]
 
     def members(self) -> list[tuple[str, str]]:
-        """Types and names of further members of calls over columns."""
+        """Types and names of the other members of calls over columns."""
         return (
             [*(("const groups *", f"{name}_groups") for name in MASKS), ("groups ", "all_groups")] if self.steps else []
         )
 
     def tables(self) -> list[tuple[str, list[str]]]:
-        """Tables in C: declarations and lines."""
+        """Tables of constants in C: declarations and lines."""
         found: dict[str, list[str]] = {}
         for step in self.steps:
             name = name_of(step)
@@ -143,13 +143,13 @@ def reads_starts(step: AllColumns) -> bool:
 
 
 def one_by_link(step: AllColumns) -> bool:
-    """Whether link i has exactly one entry in each array, entry i; then columns need no tables."""
+    """Whether each link i has exactly one entry, entry i, in each array, so that columns need no tables."""
     links = range(len(step.parents))
     return step.units == tuple((a, i) for i in links for a in step.seeds)
 
 
 def fits(step: AllColumns) -> bool:
-    """Whether all columns fit into memory; then the groups of each link are constants."""
+    """Whether all columns fit into memory at once, so that the groups of each link are constants."""
     return step.starts[-1] <= step.width
 
 
@@ -178,12 +178,12 @@ def into_symmetric(step: AllColumns) -> bool:
 
 
 def in_blocks(step: AllColumns) -> bool:
-    """Whether a symmetric matrix is filled in square blocks: all columns are present, in the order of the rows."""
+    """Whether a symmetric matrix is filled in square blocks, which needs all columns in the order of the rows."""
     return into_symmetric(step) and fits(step) and all(i == j for j, (_, i) in enumerate(step.units))
 
 
 def known_of(step: AllColumns) -> str:
-    """Name of the table of `known_rows`."""
+    """Name of the table that `known_rows` returns."""
     return f"{name_of(step)}_{step.groups}_known"
 
 
@@ -200,12 +200,12 @@ def known_rows(step: AllColumns) -> list[int]:
 
 
 def name_of(step: AllColumns) -> str:
-    """Prefix of the names of a step's tables, from its seeds: ``dq_du``."""
+    """Prefix of the names of the tables of a step; it consists of the names of its seeds, such as ``dq_du``."""
     return "_".join(a.name for a in step.seeds)
 
 
 def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
-    """Lines that compute columns and write them to their destinations."""
+    """Lines that compute columns and store them in their destinations."""
     width, count, name, once = step.width, step.starts[-1], name_of(step), fits(step)
     lines = [f"call_{width} e;", f"open_{width}(&e, &c, work);"]
     at = 0
@@ -256,13 +256,14 @@ def all_columns(step: AllColumns, array: Written, scalar: Scalar) -> list[str]:
 
 
 def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]:
-    """Entries of seeds that have the value 1, with their directions, and the seeds themselves."""
+    """Entries of seeds whose value is 1, each with its direction, and the seeds themselves."""
     units = list(dict.fromkeys((w.seed, w.column, w.direction) for w in step.weighted))
     return units, list(dict.fromkeys(seed for seed, _, _ in units))
 
 
 def primitives(step: Primitives, array: Written, call: str, scalar: Scalar) -> list[str]:
-    """Lines that compute the weights: all formulas, along enough directions to separate their arguments."""
+    """Lines that compute the weights: all formulas, along as many directions as are needed to separate their
+    arguments."""
     units, seeds = _units(step)
     n, of = len(units), "primitive_units[i]"
     entry = f"seeds[{of}[0]] + {of}[1]"

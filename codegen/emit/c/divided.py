@@ -1,4 +1,4 @@
-"""Long functions of links, divided into parts, in C: memory for values that parts carry over, and linkage of the parts."""
+"""Long functions of links, divided into parts, in C: values that one part passes to the next, and linkage of parts."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ..language import Located, Place
 
 CARRIED_OVER = {along: Store(name, Owner("function"), Memory("stack", along)) for along, name in
              ((False, "carried_over"), (True, "carried_lanes"))}  # fmt: skip
-"""Values that parts carry over to later ones: shared by all directions (False), or per direction (True)."""
+"""Values that one part passes to later parts: one for all directions (False), or one per direction (True)."""
 
 STACK = {False: "values", True: "lane_values"}
-"""Names of the arrays for values that are carried over, in the function that calls the parts."""
+"""Names of the arrays for these values, in the function that calls the parts."""
 
 
 def _type(along: bool, real: str) -> str:
-    """Element type of an array of values that are carried over; `real` is the scalar type."""
+    """Element type of an array of passed values; `real` is the scalar type."""
     return "LANES" if along else real
 
 
 def carried_over(number: int, along: bool) -> Component:
-    """The place of a value that is carried over."""
+    """The place of a value that one part passes to another."""
     return CARRIED_OVER[along], str(number)
 
 
@@ -42,7 +42,7 @@ def in_stack(place: Place, real: str) -> Place:
 
 
 def is_overwritten(block: Block, place: Place) -> Callable[[Component], bool]:
-    """Return a function that tests whether a block stores to the place of a component."""
+    """Returns a function that tests whether a block stores to the place of a component."""
 
     @cache
     def stored() -> set[tuple[str, str]]:
@@ -57,7 +57,7 @@ def _address(at: Located) -> tuple[str, str]:
 
 
 def stack(places: Mapping[bool, int], real: str) -> list[str]:
-    """Declarations of the arrays, from the number of places."""
+    """Declarations of the arrays, sized by the number of places."""
     return [f"{_type(along, real)} {STACK[along]}[{n}];" for along, n in sorted(places.items())]
 
 
@@ -68,7 +68,7 @@ def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
 
 
 def linkage(shared: str) -> list[str]:
-    """Lines that set the linkage of parts; under the given condition, the units of a library share these parts."""
+    """Lines that set the linkage of parts; under the given condition, the units of a library share them."""
     return ["#undef PART", f"#if {shared}", "#define PART SHARED_PART", "#else", "#define PART STATIC_PART", "#endif"]
 
 

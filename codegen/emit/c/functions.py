@@ -33,7 +33,7 @@ def parameters(procedure: Procedure, real: str) -> list[str]:
 
 
 def parameters_in_modes(procedure: Procedure, real: str) -> list[str]:
-    """Declarations of the parameters of a function that takes modes."""
+    """Declarations of the parameters of the variant of a function that takes modes."""
     assert procedure.modes is not None
     *rest, work = parameters(procedure, real)
     return [*rest, f"const {real} *{procedure.modes.name}", work]
@@ -62,7 +62,7 @@ def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
 
 
 def in_all(number: str) -> str:
-    """The C text of a number; where a scalar holds several states, the text that gives every state this number."""
+    """The C text of a number; if a scalar holds several states, the text sets this number for every state."""
     return f"ALL({number})"
 
 
@@ -72,14 +72,14 @@ def batch_signature(procedure: Procedure, model: str, width: int | None = None) 
 
 
 def batch_line(procedure: Procedure, width: int | None) -> str:
-    """The loop over a batch; the macro ``BATCH`` contains the lines that all such loops share."""
+    """The line that calls the macro ``BATCH``, which contains the common lines of all loops over a batch."""
     arrays = (*procedure.arguments, *procedure.seeds, *procedure.results)
     passed = [f"AT({a.name})" if a.shape or a.lanes else f"*AT({a.name})" for a in arrays]
     return called_with(f"BATCH({symbol(procedure, width)}, ", [*passed, "b->work"])
 
 
 def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str, list[str]]:
-    """Declarations of functions, each with a width, grouped by the condition under which they are compiled."""
+    """Declarations of functions of several widths, grouped by the condition for their compilation."""
     found: dict[str, list[str]] = {}
     for procedure, width in procedures:
         found.setdefault(guard_of_width(procedure.name, width), []).append(batch_line(procedure, width))
@@ -87,7 +87,8 @@ def batch_lines(procedures: Iterable[tuple[Procedure, int | None]]) -> dict[str,
 
 
 def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
-    """Arrays of the struct of a batch, in order: arrays that are only read, then arrays that some function writes."""
+    """Arrays in the struct of a batch, in order: first arrays that are only read, then arrays that a function
+    writes."""
     procedures = list(procedures)
     written = dict.fromkeys(r.name for p in procedures for r in p.results)
     given = dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds) if a.name not in written)
@@ -127,7 +128,7 @@ class CFunctions:
         self.prepared = prepared
         self.laid_out = laid_out
         self.copied: set[str] = set()
-        """Members of a call that functions over directions read, except members set by `lay_out`."""
+        """Members of a call that functions over directions read, without the members that `lay_out` sets."""
 
     def routine(self, routine: Routine) -> Function:
         """The C function of a routine."""
@@ -140,7 +141,7 @@ class CFunctions:
         return Function(routine.doc, head, [*lines, "return 0;"] if status else lines)
 
     def function(self, procedure: Procedure) -> Function:
-        """A function of the header; a function over directions is for the current width."""
+        """A function of the header; a function over directions has the current width."""
         modes = procedure.modes is not None
         name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
         head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, self.scalar.word, modes)
@@ -148,7 +149,7 @@ class CFunctions:
         return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
 
     def functions(self, procedure: Procedure) -> list[Function]:
-        """The functions of the header for a procedure: without modes, and with modes where needed."""
+        """The functions of the header for one procedure: without modes, and also with modes where needed."""
         found = [self.function(procedure)]
         if procedure.modes is None or procedure.internal:
             return found
@@ -177,7 +178,7 @@ class Lines:
     # -- names -----------------------------------------------------------------------------------------------------
 
     def passed(self, lanes: bool) -> str:
-        """Argument with which a sweep or a routine is called."""
+        """The argument that is passed to a sweep or a routine."""
         return "a" if self.procedure is None else "&d" if lanes else "&c"
 
     def base(self, lanes: bool) -> str:
@@ -190,12 +191,12 @@ class Lines:
         return f"{self.base(a.lanes)}{a.name}"
 
     def apart(self, a: Array) -> bool:
-        """Whether an array is a result that no sweep writes. Such an array is only a parameter of the function."""
+        """Whether an array is a result that no sweep writes, so that it is only a parameter of the function."""
         p = self.procedure
         return p is not None and a in p.results and a.name in p.written_apart()
 
     def caller(self, a: Array, written: bool) -> str:
-        """The expression of an array of the caller: a parameter, as a pointer."""
+        """The expression of an array that the caller passes: a parameter that is a pointer."""
         if a.lanes:
             return f"({'' if written else 'const '}LANES *){a.name}"
         is_const = self.procedure is not None and a in self.procedure.arguments
@@ -247,7 +248,7 @@ class Lines:
         return [f"return {self.base(last.lanes)}singular;" if isinstance(last, steps.Check) else "return 0;"]
 
     def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
-        """The arrays of the call that are arguments or seeds."""
+        """Arrays of the call that are arguments or seeds of the function."""
         p = self.procedure
         assert p is not None
         held = p.held()
@@ -262,14 +263,14 @@ class Lines:
         return found
 
     def bound_results(self, lanes: bool) -> dict[str, str]:
-        """The arrays of the call that are results."""
+        """Arrays of the call that are results of the function."""
         p = self.procedure
         assert p is not None
         apart = p.written_apart()
         return {r.name: self.caller(r, True) for r in p.results if r.lanes == lanes and r.name not in apart}
 
     def open(self) -> list[str]:
-        """Lines that open the part of a call over directions."""
+        """Lines at the beginning of a part of a call over directions."""
         p = self.procedure
         assert p is not None
         self.opened = True
@@ -390,7 +391,7 @@ class Lines:
         return [*lines, *(f"{name_of(s)}_1(&one);" for s in step.steps)]
 
     def columns(self, step: steps.Columns) -> list[str]:
-        """Lines that compute one column per direction at a time."""
+        """Lines that compute one column per direction in each pass."""
         unit, free = step.unit, step.among
         count = unit.size if free is None else len(free)
         at = "j + l" if free is None else f"free_{unit.name}[j + l]"
@@ -429,7 +430,7 @@ class Lines:
         return [*lines, f"    for (int l = 0; l < m; ++l) {self.array(unit)}[{at}] = NOTHING;", "}"]
 
     def columns_of_values(self, step: steps.Columns) -> list[str]:
-        """Lines that compute one column at a time, in all directions of its tangent together."""
+        """Lines that compute one column in each pass, in all directions of its tangent together."""
         if not step.unit.size:
             return []
         unit = self.array(step.unit)

@@ -38,9 +38,9 @@ class CLanguage(Writer):
         self.has_parts = False
         """Whether any function of this file is divided into parts."""
         self.lines_of_units = dict.fromkeys(SHARES, 0)
-        """For each unit of a library, the number of lines that it compiles of parts shared among units."""
+        """For each unit of a library, the number of lines of shared parts that it compiles."""
         self.touched: dict[str, set[str]] = {}
-        """Regions of memory, arguments and results that each sweep reads or writes, by the name of the sweep."""
+        """Regions of memory, arguments and results that each sweep reads or writes, by name of the sweep."""
 
     # -- numbers ---------------------------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class CLanguage(Writer):
         return Located(array, start, f"[{index}]", type_, self.names_of(array, index))
 
     def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
-        """Place of a component in a row whose memory is laid out."""
+        """Place of a component in a row of known layout."""
         if region == "near":
             # a plain array, since compilers that can tell it from records move loads until registers run out
             place = f"[{near_name(self.layout.near_forms[sweep], name)}]"
@@ -145,7 +145,7 @@ class CLanguage(Writer):
         return self.in_constants("c", constants, self.layout.forms[shape], name)
 
     def in_constants(self, variable: str, row: str, form: int, name: str) -> Located:
-        """Place of a constant, from the first constant of its row."""
+        """Place of a constant, counted from the first constant of its row."""
         type_ = f"constants_of_shape_{form}"
         return Located(variable, f"({type_} *)(a->constants + {row})", f"->{identifier(name)}", type_)
 

@@ -1,4 +1,4 @@
-"""Explanation of names at the beginning of a C header and its source."""
+"""The text that explains names at the beginning of a C header and its source."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def legend(model: Model, links: int, numbers: str, singular_outputs: bool, funct
 
 
 def about_names(loops: bool) -> list[str]:
-    """Description of the pointers in functions of links, for the head of the file."""
+    """The text about the pointers in functions of links, at the head of the file."""
     several = "; functions of loops have several links (me0, me1), their roots, their region and its base"
     text = (
         f"Functions of links are called by sweeps: me is the link, up its parent, c its constants{several if loops else ''}. "

@@ -18,7 +18,7 @@ LIBRARIES = (
 when one of their functions is called."""
 
 FRAMES = "frames"
-"""Name of the library with functions for motions of bodies."""
+"""Name of the library with the functions for motions of bodies."""
 
 FOUR = "four"
 """Name of the library with functions for four directions, which integration uses: ``NAME_four.c``."""
@@ -38,7 +38,7 @@ _OF = {
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")
-"""Functions for integration that are also in another library."""
+"""Functions for integration that another library contains as well."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
 """Functions of `_MOTION` that Python calls when a motion changes its independent coordinates."""
@@ -67,7 +67,7 @@ def _places(function: str, width: int | None) -> list[tuple[int, int]]:
 
 
 def few_of(function: str, widths: Collection[int]) -> list[int]:
-    """Numbers of directions for which a function is in the library `FEW`."""
+    """Numbers of directions for which the library `FEW` contains a function."""
     return sorted({*widths} & {*FEW_DIRECTIONS}) if library_of(function) == LIBRARIES[0] else []
 
 
@@ -119,7 +119,7 @@ def _condition(places: Collection[tuple[int, int]]) -> str:
 
 
 def _by_width(conditions: Mapping[int | None, str]) -> str:
-    """Combine conditions for each width into one with the macro ``WIDTH``; empty if it always holds."""
+    """One condition with the macro ``WIDTH``, from conditions for each width; empty if it always holds."""
     found: dict[str, list[int | None]] = {}
     for width, condition in conditions.items():
         found.setdefault(condition, []).append(width)
@@ -140,7 +140,7 @@ def sharing(users: Mapping[str, Collection[int]], all_functions: Mapping[str, Co
 
 
 def _units(functions: Mapping[str, Collection[int]]) -> dict[int, set[int]]:
-    """Units of each library, by number, that contain some of these functions."""
+    """Units of each library, by number, that contain at least one of these functions."""
     found: dict[int, set[int]] = {}
     for name, widths in functions.items():
         for w in widths or (None,):

@@ -55,7 +55,7 @@ class CMemory(CSweeps):
         return f"DIRECTIONS({type_})" if region in LANE_REGIONS else type_
 
     def types(self, lanes: bool) -> list[Type]:
-        """Types of rows of memory, for values or for values per direction."""
+        """Types of rows of memory, for values and for values per direction."""
         layout, number = self.layout, "LANES" if lanes else self.scalar.word
         found: list[Type] = []
 
@@ -88,7 +88,8 @@ class CMemory(CSweeps):
         return {sweep: found for sweep, found in users.items() if found}
 
     def near_names(self) -> list[tuple[str, list[str]]]:
-        """Places in the scratch that neighbouring links share: for each set, the sweeps that use it and the lines of an enum."""
+        """Places in the scratch shared by neighbouring links: for each set, the sweeps that use it and the lines of an
+        enum."""
         layout = self.layout
         return [
             (f"In {', '.join(users)}.", members(layout.near[sweep], "", ",", partial(near_name, sweep)))
@@ -96,7 +97,7 @@ class CMemory(CSweeps):
         ]
 
     def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
-        """Lines that give a call its memory: the whole workspace, or the regions of a few sweeps."""
+        """Lines that assign memory to a call: the whole workspace, or the regions of a few sweeps."""
         if lays_out(procedure):
             return ["lay_out(&c, work);"]
         touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))

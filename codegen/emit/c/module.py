@@ -1,4 +1,4 @@
-"""The files of a solver in C: the data with which the templates in ``templates/c`` are rendered."""
+"""The data from which the templates in ``templates/c`` produce the files of a solver in C."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class CWriter(CPrepared):
         }
 
     def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:
-        """Lines that include the functions over directions, according to what the including file requests."""
+        """Lines that include the functions over directions, if the including file requests them."""
         name, lines = self.model.name, []
         if states:
             lines += [
@@ -185,7 +185,7 @@ class CWriter(CPrepared):
 
 
 def _reads_work(lines: list[str]) -> bool:
-    """Whether the lines that give a call its memory do anything."""
+    """Whether the lines that assign memory to a call have any effect."""
     return bool(lines) and lines != UNUSED_WORK
 
 

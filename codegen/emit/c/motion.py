@@ -17,7 +17,7 @@ from .functions import in_modes
 from .libraries import FOUR, number_of
 
 VALUES = ("state_rates", "closing_step", "completion", "outputs", "switches")
-"""Functions of values that integration calls, if the solver has them."""
+"""Functions without directions that integration calls, if the solver has them."""
 
 ALONG = (
     "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "sensitivities_transposed",
@@ -30,7 +30,7 @@ CURVED = ("hessian_products",)
 """Functions over directions that Hessian products of motions call."""
 
 WIDTHS = (1, 8)
-"""Numbers of directions that are integrated together."""
+"""Numbers of directions that the integrators compute together."""
 
 
 COUNTERS = {
@@ -38,7 +38,7 @@ COUNTERS = {
     "kept": ("nkept", 1, True), "dropped": ("ndropped", 1, True), "moving": ("nmoving", 1, False),
     "switch_of_output": ("nswitch_outputs", 2, False),
 }  # fmt: skip
-"""For each table: the member with its length, the size of an entry, and whether an empty table is written."""
+"""For each table: the member that holds its length, the size of an entry, and whether an empty table is written."""
 
 MEMBERS = (
     "nq", "nu", "np", "ninputs", "noutputs", "nclosure", "nloops", "plain_rates", "workspace", "nfree_q", "nfree_u", "free_q",
@@ -110,7 +110,7 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
 
 
 def scalar_header() -> str:
-    """The text of ``motion/scalar.h``: the type in which the integrators compute, the only one in which motions run."""
+    """The text of ``motion/scalar.h``: the scalar type of the integrators, the only type in which motions run."""
     (scalar,) = (s for s in C.scalars if s.moves)
     return render("c/scalar.h.jinja", {"word": scalar.word, "epsilon": scalar.literal(repr(scalar.limits.epsilon))})
 
@@ -137,7 +137,7 @@ def _tables(model: Model, manifest: Mapping[str, Any], functions: Mapping[str, A
 def _sizes(
     model: Model, manifest: Mapping[str, Any], tables: Mapping[str, Sequence[int]], functions: Mapping[str, Any], allowed: float
 ) -> dict[str, Any]:  # fmt: skip
-    """Members of an ``ordernm_system`` that are not functions: numbers and tables."""
+    """Members of an ``ordernm_system`` that are numbers or tables."""
     free_u = set(tables["free_u"])
     shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in free_u}
     split = any(model.coordinate_names[i].partition(".")[0] in shared for i in tables["free_q"])

@@ -28,7 +28,7 @@ class CPrepared(CMemory):
 
     @cached_property
     def keeping(self) -> set[str]:
-        """Sweeps that keep scalars for transposed sweeps."""
+        """Sweeps that store scalars for transposed sweeps."""
         return {
             s
             for s, of in self.blocks.items()
@@ -36,7 +36,7 @@ class CPrepared(CMemory):
         }
 
     def ground(self, sweep: str | None = None) -> list[str]:
-        """Lines that set the state of the ground for one sweep or for all sweeps: at rest, accelerating by -g."""
+        """Lines that set the state of the ground, at rest with acceleration -g, for one sweep or for all sweeps."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
         kept = self.plan.ground.kept if sweep in self.keeping else ()
@@ -73,7 +73,8 @@ class CPrepared(CMemory):
         return f"a->constants[{index}]"
 
     def ground_tangent(self) -> tuple[list[str], list[str]]:
-        """Lines that set the ground's tangent if gravity depends on parameters, and lines that set it to zero."""
+        """Lines that set the tangent of the ground if gravity depends on parameters, and lines that set it to zero
+        otherwise."""
         lines: list[str] = []
         zero: list[str] = []
         for name, terms in self.plan.ground.tangents:
@@ -96,7 +97,7 @@ class CPrepared(CMemory):
         ]
 
     def no_adjoints(self) -> list[str]:
-        """Lines that set the adjoints for one vector of weights to zero."""
+        """Lines that set the adjoints of one vector of weights to zero."""
         return [
             f"for (long i = 0; i < {n}L; ++i) (({self.scalar.word} *)a->{name})[i] = {in_all(self.zero)};"
             for name, _, n in self.regions()
@@ -109,7 +110,7 @@ class CPrepared(CMemory):
         return any(not a.adds and a.memory.region == region for b in blocks for a, _, _ in b.stores)
 
     def no_tangents(self, regions: tuple[str, ...] = TWICE) -> list[str]:
-        """Lines that set the tangents of adjoints to zero, and the tangents of the ground's values."""
+        """Lines that set the tangents of adjoints and the tangents of the ground's values to zero."""
         lines = []
         for name, _, n in self.regions():
             if name in regions and (name == "tangents" or not self.assigned(name)):

@@ -13,7 +13,7 @@ class CPrinter(Printer):
         return library_function(super().spelled(function), self.scalar)
 
     def library(self) -> list[str]:
-        """Functions of the C library in the printed text, in double precision; sines have further names."""
+        """Names of C library functions that the printed text calls, in double precision; sines have further names."""
         printed = {self.target.function(f) for f in self.called} | {"sin", "cos"}
         return [f for f in OF_THE_LIBRARY if f in printed]
 

@@ -32,12 +32,12 @@ OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 
 
 def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
-    """Functions of the solver that have a variant for several states."""
+    """Functions of the solver that have a variant over several states."""
     return [p for p in procedures if p.name in OVER_STATES]
 
 
 class StateLines(Lines):
-    """Writes the lines of one function for several states."""
+    """Writer of the lines of one function over several states."""
 
     def of(self, step: Step) -> list[str]:
         if isinstance(step, Check):
@@ -56,7 +56,7 @@ class StateLines(Lines):
         return lines
 
     def found(self) -> str:
-        """Return value: for every state 0, or the number of the first singular link, loop or element."""
+        """The return value for each state: 0, or the number of the first singular link, loop or element."""
         return "FIRST(c.singular, d.singular)" if self.opened else "c.singular"
 
     def end(self) -> list[str]:
@@ -65,7 +65,7 @@ class StateLines(Lines):
 
 @dataclass(frozen=True, slots=True)
 class StateArray:
-    """An array of a function: name, number of entries, and its offset in the workspace, in vectors."""
+    """An array of a function: its name, number of entries, and offset in the workspace, counted in vectors."""
 
     name: str
     size: int
@@ -75,7 +75,7 @@ class StateArray:
 def states_context(
     lines: CFunctions, procedures: list[Procedure], workspace: int, scalar: Scalar, library: list[str]
 ) -> dict[str, Any]:
-    """The data for ``NAME_states.c`` and its part of the header; empty if no function is over states."""
+    """The data of ``NAME_states.c`` and its part of the header; empty if no function has a variant over states."""
     found = []
     room = 0
     for p in procedures:

@@ -1,4 +1,4 @@
-"""Functions of sweeps in C: long ones are divided into parts, and each part is compiled in one unit."""
+"""Functions of sweeps in C: a long function is divided into parts, and each part is compiled in one unit."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class CSweeps(CLanguage):
 
     @cached_property
     def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
-        """For each sweep, formula or routine, by name and width: the functions that run it, with their own widths."""
+        """For each sweep, formula or routine, by name and width: the functions that call it, with their own widths."""
         found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
         for p in self.asked:
             for name in called_once(p):
@@ -89,7 +89,8 @@ class CSweeps(CLanguage):
         return found
 
     def condition(self, name: str, functions: list[Function]) -> str:
-        """The condition under which the functions of a sweep, formula or routine are compiled; empty if always."""
+        """The condition for compiling the functions of a sweep, formula or routine; empty if they are always
+        compiled."""
         if name not in self.runs:
             return ""
         shared = any(f.declared for f in functions)

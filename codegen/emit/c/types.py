@@ -37,14 +37,14 @@ ENERGIES = ("KINETIC", "POTENTIAL")
 """Names of the entries in the array of energies."""
 
 TWICE = ("tangents", "adjoint_tangents", "mass_tangents")
-"""Regions of functions with second derivatives, with a value for every direction."""
+"""Regions of functions with second derivatives that hold one value for every direction."""
 
 LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns", *TWICE)
-"""Regions with a value for every direction."""
+"""Regions that hold one value for every direction."""
 
 
 NUMBER_TYPE = "number"
-"""Element type of tables of numbers, which does not change where a double holds several states."""
+"""Element type of tables of numbers; it stays scalar where a double holds several states."""
 
 UNUSED_WORK = ["(void)work;"]
 """Statement that marks the workspace as unused in a function that needs no memory."""
@@ -54,7 +54,8 @@ MEMBERS, COMMENTED = 100, 120
 
 
 SHARES = {1: 3, 2: 2}
-"""Shares of the parts of long functions, by unit of a library; the second unit has more functions over directions."""
+"""Shares of the units of a library in the parts of long functions; the second unit has more functions over
+directions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +69,14 @@ class Type:
 
 
 def near_name(sweep: str, component: str) -> str:
-    """Name of a component's place in the scratch that neighbouring links share."""
+    """Name of a component in the scratch that neighbouring links share."""
     return f"{sweep}_{identifier(component)}".upper()
 
 
 def members(
     components: Iterable[str], type_: str, end: str = ";", called: Callable[[str], str] = identifier
 ) -> list[str]:
-    """Lines of a struct or an enum: the components of each field together, with its meaning."""
+    """Lines of a struct or an enum: the components of each field on a line, with the meaning of the field."""
     found: list[tuple[AnyField | None, list[str]]] = []
     for component in components:
         field = field_of(component)
@@ -101,5 +102,5 @@ def of_width(name: str, lanes: bool) -> str:
 
 
 def cast(region: str) -> str:
-    """The cast from numbers to a region of memory."""
+    """The cast from an array of numbers to the type of a region of memory."""
     return f"({TYPES[region]} *)" if region in TYPES else ""

@@ -8,7 +8,7 @@ from ..target import InstructionSet, Scalar
 from . import C
 
 Lines = Callable[[int], list[str]]
-"""Returns lines for vectors of a given number of lanes."""
+"""A function that returns lines for vectors with a given number of lanes."""
 
 
 def lanes(scalar: Scalar) -> list[int]:
@@ -22,7 +22,7 @@ def most_lanes(scalar: Scalar) -> int:
 
 
 def by_set(scalar: Scalar, lines: Lines) -> list[str]:
-    """Preprocessor lines that select by instruction set; sets with equal lines are combined."""
+    """Preprocessor lines that select lines by instruction set; sets with equal lines are combined."""
     found: list[tuple[InstructionSet, list[str]]] = []
     for of, n in zip(C.vectors, lanes(scalar), strict=True):
         if found and found[-1][1] == lines(n):
@@ -74,12 +74,12 @@ def parts(scalar: Scalar) -> list[str]:
 
 
 def short(scalar: Scalar, sizes: Iterable[int]) -> list[int]:
-    """Return the row sizes of at least two entries that are less than sixteen bytes."""
+    """The sizes of rows of at least two entries that take less than sixteen bytes."""
     return sorted({n for n in sizes if 1 < n < 16 // scalar.bytes}) if scalar.integer else []
 
 
 def short_rows(scalar: Scalar, sizes: Iterable[int]) -> list[str]:
-    """Return the functions that move rows of these sizes, stored without gaps, between memory and vectors of states."""
+    """The functions that move rows of these sizes, stored without gaps, between memory and vectors of states."""
     comment = ["/* Contiguous rows with fewer entries than a part fill whole vectors. */"] if sizes else []
     return comment + by_set(
         scalar, lambda lanes: [line for n in sizes for line in (*_take(n, lanes), *_give(n, lanes))]
@@ -87,7 +87,7 @@ def short_rows(scalar: Scalar, sizes: Iterable[int]) -> list[str]:
 
 
 def _take(n: int, lanes: int) -> list[str]:
-    """From n vectors in memory to n vectors of states: lane i of state vector c is entry n*i + c."""
+    """Lines that turn n vectors in memory into n vectors of states: lane i of state vector c is entry n*i + c."""
     body = [f"const states {', '.join(f'x{s} = at[{s}]' for s in range(n))};"]
     for c in range(n):
         order = [n * i + c for i in range(lanes)]
@@ -102,7 +102,7 @@ def _take(n: int, lanes: int) -> list[str]:
 
 
 def _give(n: int, lanes: int) -> list[str]:
-    """From n vectors of states to n vectors in memory: the inverse of `_take`."""
+    """Lines that turn n vectors of states into n vectors in memory: the inverse of `_take`."""
     body = []
     if lanes % n == 0:
         body += [f"const states {', '.join(f'x{c} = of[{c}*apart]' for c in range(n))};"]
@@ -124,12 +124,12 @@ def _function(head: str, body: list[str]) -> list[str]:
 
 
 def _chosen(a: str, b: str, order: list[int]) -> str:
-    """A vector of lanes chosen from two vectors, whose lanes are numbered one after the other."""
+    """A vector whose lanes are selected from two vectors; the lanes of both are numbered consecutively."""
     return f"CHOSEN({a}, {b}, {', '.join(map(str, order))})"
 
 
 def _blended(name: str, source: list[int], n: int) -> list[str]:
-    """Lines that set `name` to a vector whose lane i is lane i of ``x0``, ``x1``, ... by the number ``source[i]``."""
+    """Lines that select lanes: lane i of the vector `name` is lane i of ``x0``, ``x1``, ..., as ``source[i]`` says."""
     lines: list[str] = []
     for k in range(1, n):
         order = [len(source) + i if s == k else i for i, s in enumerate(source)]

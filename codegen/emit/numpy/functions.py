@@ -21,7 +21,7 @@ WIDEST = 110
 
 
 def made(procedures: tuple[Procedure, ...]) -> list[Array]:
-    """Arrays that exist from the beginning of a call: results that sweeps write."""
+    """Result arrays that are allocated at the beginning of a call, for sweeps to write."""
     found: dict[Array, None] = {}
     for p in procedures:
         apart = p.written_apart()
@@ -84,7 +84,7 @@ def count(a: Array) -> str:
 
 
 class _Lines:
-    """Writes the lines of one function; `zero` names the arrays that are still zero."""
+    """Writer of the lines of one function; `zero` names the arrays that are still zero."""
 
     def __init__(self, of: NumpyFunctions, zero: frozenset[str], procedure: Procedure | None = None):
         self.functions = of
@@ -141,12 +141,12 @@ class _Lines:
                 raise TypeError("NumPy takes columns one after the other, see chosen_steps.for_target")
 
     def guarded(self, name: str) -> list[str]:
-        """A call; division by a zero pivot is reported afterwards."""
+        """Lines of a call, followed by lines that report a division by a zero pivot."""
         line = f"{name}(a)"
         return ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(name) else [line]
 
     def _of_lanes(self) -> set[str]:
-        """Names of the results that are derivatives; functions of values have none."""
+        """Names of the results that are derivatives; a function of values has none."""
         return {r.name for r in self.procedure.results if r.lanes} if self.procedure else set()
 
     def fresh(self, a: Array) -> list[str]:

@@ -242,7 +242,7 @@ class NumpyWriter(Writer):
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
 
     def pivots(self, sweep: str) -> bool:
-        """Whether a sweep, or a function that calls formulas, checks pivots."""
+        """Whether a sweep checks pivots; for a function that calls formulas, whether any of them does."""
         if sweep in self.blocks:
             return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
         return self.singular_outputs and any(
@@ -265,7 +265,7 @@ class NumpyWriter(Writer):
         return [*lines, *(f"self.{name} = [0.0] * {n}" for name, n in arrays.items())]
 
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
-        """Beginning, lines and end of the tables; numbers are arrays."""
+        """The beginning, the lines and the end of each table; tables of numbers are NumPy arrays."""
         found = []
         if self.reads_numbers:
             found.append(("numbers = np.array([", in_lines(list(map(text_of, self.layout.numbers)), 6), "])"))
@@ -322,7 +322,7 @@ class NumpyWriter(Writer):
 
 
 def listed(names: list[str]) -> list[str]:
-    """Lines of a tuple of names; repeated names are generated when the module is loaded."""
+    """The lines of a tuple of names; repeated names are computed when the module is loaded."""
     lines = []
     for item in repeated(names):
         if isinstance(item, Repeated):

@@ -18,5 +18,5 @@ class NumpyPrinter(Printer):
         return angle
 
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
-        """The function without its mode: integrators, which set modes, do not call NumPy functions."""
+        """The function without its mode, since only integrators set modes, and they do not call NumPy functions."""
         return free
