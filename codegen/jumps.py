@@ -18,19 +18,20 @@ from .elementary import ON_ARRAYS, TABLE, Tree, tree_of
 Array = NDArray[np.float64]
 
 BESIDE, FAR_BESIDE = 1e-9, 1e-5
-"""Relative distances from a time: for the choice of branches, and for extrapolating values that are not finite at the time."""
+"""Relative distances from a time: one for the choice of branches, one for extrapolating values that are not finite
+there."""
 
 JUMP = 1e-7
-"""Jumps below this fraction of the largest nearby value are rounding errors."""
+"""Fraction of the largest nearby value below which a jump counts as a rounding error."""
 
 NEAR_BY = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
-"""Distances at which nearby values are evaluated, in s, or relative for later times."""
+"""Distances at which nearby values are evaluated: in s, or relative to the time for later times."""
 
 Pair = tuple[Any, Any]
 """A value and its rate, both numbers or both arrays."""
 
 Known = Callable[[Array], Mapping[str, Pair]]
-"""Returns values and rates of variables at given times."""
+"""A function that returns values and rates of variables at given times."""
 
 
 class Jump(NamedTuple):
@@ -90,11 +91,11 @@ def zeros(s: Tree, known: Known, times: Array, end: float, most: int | None = No
 
 
 def _constant_rate(s: Tree, known: Known, t: Array) -> float | None:
-    """The rate of a function that is linear in time and depends on no other variable quantity; else None."""
+    """The rate of a function that is linear in time and depends on no other variable; None for other functions."""
     names = known(t)
 
     def degree(tree: Tree) -> int:
-        """Degree in time: 0, 1, or 2 for higher or unknown degrees."""
+        """Degree in time: 0 or 1; 2 stands for higher and unknown degrees."""
         kind = tree[0]
         if kind == "number":
             return 0
@@ -111,7 +112,7 @@ def _constant_rate(s: Tree, known: Known, t: Array) -> float | None:
 
 
 def changes(f: Callable[[Array], Array], t: Array, most: int | None = None) -> Iterator[float]:
-    """Arguments at which a function changes its sign, or is zero at one of the points t; at most `most` of each."""
+    """Arguments at which a function changes its sign, or is zero at a point of t; at most `most` of each."""
     of = f(t)
     sign = np.sign(of)
     yield from t[sign == 0.0][:most].tolist()
@@ -131,7 +132,8 @@ def changes(f: Callable[[Array], Array], t: Array, most: int | None = None) -> I
 
 
 def jumps(tree: Tree, known: Known, t: Array) -> list[Jump]:
-    """Jumps of a function in the order of the times; where the function does not jump, jumps of its rate."""
+    """Jumps of a function in the order of their times, and jumps of its rate where the function itself does not
+    jump."""
     found: dict[int, Jump] = {}
     for order in (0, 1):
         before, after = (_beside(tree, known, t, side, order) for side in (-1.0, 1.0))

@@ -19,9 +19,9 @@ FEW, FIRST = 40, 10
 """Sections with at most `FEW` entries are shown completely, longer ones with their first `FIRST` entries. If there are
 more than `FEW` bodies, equal bodies share a line."""
 LEVELS = 12
-"""Maximum number of indentation levels of the tree."""
+"""Maximum number of levels of indentation in the printed tree."""
 LONG = 32
-"""Longer expressions are shown by their value at the default parameters."""
+"""Length of an expression above which only its value at the default parameters is shown."""
 
 
 def list_model(model: Model, verbose: bool = False) -> list[str]:
@@ -128,7 +128,7 @@ class _Listing:
         return MEASURES[o.measure].words(o, self)
 
     def bodies(self) -> list[str]:
-        """The tree of bodies; in large models, equal bodies share a line."""
+        """The tree of bodies as lines; in large models, equal bodies share a line."""
         model = self.model
         if self.verbose or len(model.bodies) <= FEW:
             depth = {GROUND: 0}
@@ -283,7 +283,7 @@ def list_package(folder: Path, verbose: bool = False) -> list[str]:
 
 
 def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
-    """Lines about the methods of a package's Solver, and the methods left out if not all functions were generated."""
+    """Lines about the methods of a package's Solver, and about methods that were not generated."""
     made = list(dict.fromkeys(f.get("member", name) for name, f in manifest["functions"].items()))
     left_out = manifest.get("left_out", ())
     if not left_out and not verbose:
@@ -294,7 +294,7 @@ def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
 
 
 def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
-    """The code in use when the package is loaded on this machine."""
+    """A line about the code that runs when the package is loaded on this machine."""
     if manifest.get("target") == "numpy":
         return "NumPy computes"
     from .runtime import CompileError

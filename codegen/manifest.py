@@ -24,7 +24,7 @@ from .program.plan import Plan
 from .program.procedure import WIDTHS, Array, Formulas, Procedure, Run, Single, walk
 
 OUTSIDE = "start"
-"""Name of the stage for constants, sines and cosines, listed like a sweep."""
+"""Name of the stage of constants, sines and cosines, which is listed like a sweep."""
 
 
 def operations(program: Program, plan: Plan, procedures: tuple[Procedure, ...]) -> dict[str, Any]:

@@ -85,7 +85,7 @@ class Values:
         return self.attribute(element, key, 1, (default or 0.0,))[0]
 
     def quaternion(self, element: Element, wxyz: Sequence[float]) -> Array:
-        """The rotation of a quaternion; an error if it has no direction."""
+        """The rotation of a quaternion; an error is reported if all its components are zero."""
         size = math.sqrt(sum(v * v for v in wxyz)) if max(map(abs, wxyz)) < _LARGEST else math.inf
         if not 0 < size < math.inf:
             self.wrong(element, "the quaternion is 0 0 0 0 or too large; x y z w of length 1 are needed")
@@ -109,7 +109,7 @@ class Values:
         return text
 
     def new_name(self, element: Element, known: dict[str, Place], what: str) -> str | None:
-        """A new name, which is added to `known`; None after an error."""
+        """A name that is not used yet, which is added to `known`; None after an error."""
         name = self.name(element)
         if name is None:
             return None
@@ -171,7 +171,7 @@ class RobotReader(Values, ABC):
         """Read the file: fill `robot`, and collect the errors."""
 
     def remark_of(self, element: Element) -> tuple[str, Effect]:
-        """Remark about an element that the model format lacks, and the effect of its absence."""
+        """The remark about an element that the model format lacks, and the effect of leaving the element out."""
         return self.remarks.get(element.tag, ("", Effect.UNKNOWN))
 
     def leave_out(self, element: Element, remarks: Mapping[str, tuple[str, Effect]] | None = None) -> None:
@@ -182,7 +182,7 @@ class RobotReader(Values, ABC):
     def leave_out_children(
         self, element: Element, known: Collection[str], remarks: Mapping[str, tuple[str, Effect]] | None = None
     ) -> None:
-        """List the children of an element that are not known."""
+        """Lists the unknown children of an element as left out."""
         for child in element.children:
             if child.tag not in known:
                 self.leave_out(child, remarks)
@@ -278,12 +278,12 @@ def is_version(text: str) -> bool:
 
 
 def is_true(text: str) -> bool:
-    """Whether a text means yes: 1 or true, in any case."""
+    """Whether a text means true: it is "1" or "true", in any case."""
     return text.strip().lower() in ("1", "true")
 
 
 def shown_effect(element: Element) -> Effect:
-    """Effect of leaving out a <visual> or a <collision>."""
+    """The effect on the motion of leaving out a <visual> or a <collision>."""
     return Effect.STOPS if element.tag == "collision" else Effect.NONE
 
 

@@ -1,4 +1,4 @@
-"""Numerical analysis of closed loops: where they are, how they close, and which coordinates are dependent."""
+"""Numerical analysis of closed loops: finds the loops, closes them, and chooses dependent coordinates."""
 
 from .assembling import initial_configuration
 from .description import describe

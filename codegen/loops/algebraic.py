@@ -10,7 +10,7 @@ from ..model.vectors import Array
 from ..records import dataclass
 
 LEAST_GRADIENT = 1e-200
-"""Number added to the squared norm of a gradient, so that a vanishing gradient causes no division by zero."""
+"""Number added to the squared norm of a gradient, which prevents a division by zero where the gradient vanishes."""
 
 ON_ARRAYS = functions_for(np)
 """The functions of the expression grammar, evaluated on arrays."""

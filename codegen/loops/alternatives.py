@@ -67,7 +67,7 @@ partition."""
 
 
 MOST_TRIED = 40
-"""Number of tried partitions after which no further combination of speeds is requested."""
+"""Number of partitions after which no further combination of speeds is tried."""
 
 
 def worst(chosen: Partition) -> float:

@@ -48,7 +48,7 @@ class Ancestry:
         self._end = [f + n for f, n in zip(self._first, inside, strict=True)]
 
     def meeting(self, a: int, b: int) -> int:
-        """The body, or the ground, at which the inward paths of two bodies meet."""
+        """The body, or the ground, at which the paths from two bodies to the ground meet."""
         depth, parent, jump = self.depth, self.parent, self._jump
         while depth[a] > depth[b]:
             a = jump[a] if depth[jump[a]] >= depth[b] else parent[a]
@@ -70,7 +70,8 @@ class Ancestry:
         return found
 
     def passing(self, starts: Sequence[int], ends: Sequence[int]) -> Callable[[int], Array]:
-        """A function that returns the cycles that pass a joint: those with exactly one end outboard of it, each once."""
+        """A function that returns each cycle that contains a joint: cycles with exactly one end outboard of the
+        joint."""
         first = np.array(self._first)
         places = [first[np.array(x, dtype=int)] for x in (starts, ends)]
         orders = [np.argsort(x, kind="stable") for x in places]
@@ -89,15 +90,16 @@ class Ancestry:
 
 
 class NewJoints:
-    """The joints of a cycle that no earlier cycle has passed. Each joint is visited once, however long the cycles are."""
+    """The joints of a cycle that are on no earlier cycle. Each joint is visited once, however long the cycles are."""
 
     def __init__(self, ancestry: Ancestry):
         self.ancestry = ancestry
         self._next = list(range(ancestry.ground + 1))
-        """For each body, the nearest body inboard (or itself) whose joint may not have been passed."""
+        """For each body, the nearest body inboard, or itself, whose joint may be on no cycle yet."""
 
     def of(self, start: int, end: int) -> Iterator[int]:
-        """New joints' bodies on the cycle of two bodies, from the cut inward: first on the start side, then on the end side."""
+        """Bodies of the new joints on the cycle of two bodies, from the cut inward: the start side first, then the end
+        side."""
         depth = self.ancestry.depth
         base = depth[self.ancestry.meeting(start, end)]
         for k in (start, end):

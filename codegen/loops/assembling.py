@@ -20,22 +20,23 @@ from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 
 NEARLY = 10.0
-"""A loop with nearly redundant conditions may stay open by this multiple of the model's tolerance: lever arms magnify errors."""
+"""Factor of the model's tolerance up to which nearly redundant conditions may stay open, since lever arms magnify
+errors."""
 
 LEAST_MOTION = 1e-3
 """Smallest component of a joint in a unit motion of all joints that counts as motion; smaller ones are rounding."""
 
 MANY = 100
-"""With more loops than this, their joints are not examined together."""
+"""Largest number of loops whose joints are examined together."""
 
 TRIES = 8
-"""Number of further guesses, at growing distance from the given one, for a ring that does not close."""
+"""Number of further guesses for a ring that does not close; their distance from the given guess grows."""
 
 GUESSES = 16
-"""Number of further guesses for an ear: its independent coordinates are held, so no closed state may be near the given one."""
+"""Number of further guesses for an ear. Its independent coordinates are fixed, so the closed state may be far away."""
 
 SEED = 20070404
-"""Seed of the random guesses: the same initial values lead to the same state."""
+"""Seed of the random guesses, so that equal initial values lead to equal states."""
 
 
 def initial_configuration(model: Model) -> tuple[Array, Array]:
@@ -162,7 +163,7 @@ def _closed_alone(
     ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array, random: np.random.Generator,
     open_: set[int] | None,
 ) -> tuple[Outcome, int]:  # fmt: skip
-    """Close a loop by itself, or only nearly if `open_` permits it; returns also the number of further guesses."""
+    """Closes a loop by itself, or nearly if `open_` permits it; returns also the number of further guesses."""
     near_cut = _near_cut(ring, sides, q, movable)
     outcome = close(ring, q, near_cut)
     if outcome.closed:
@@ -175,7 +176,7 @@ def _closed_alone(
 
 
 def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
-    """Close a ring except for conditions that none of its joints can meet; None if no choice of movable speeds does."""
+    """Closes a ring except for conditions that no joint can satisfy; None if no choice of movable speeds works."""
     tolerance = ring.geometry.tolerance
     for i, joints in enumerate(movable):
         if any(np.array_equal(joints, others) for others in movable[:i]):
@@ -227,13 +228,13 @@ def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]
 
 
 def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
-    """The ring of all moving joints of some loops that share joints only with each other."""
+    """The ring of all moving joints of some loops that share no joint with other loops."""
     bodies = {k for k in geometry.passed(loops) if geometry.speeds[k]}
     return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
 
 
 def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array) -> Array:
-    """As few movable speeds as can close a ring, chosen near the cut first."""
+    """The smallest set of movable speeds that can close a ring; speeds near the cut are taken first."""
     g, speeds = ring.geometry, ring.joints.speeds
     free = np.flatnonzero(movable)
     E = ring.evaluate(q)[1] * np.where(g.turning[speeds], 1.0, ring.length)
@@ -249,7 +250,7 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
 def _tried(
     ring: Ring, q: Array, movable: Array, random: np.random.Generator, tries: int = TRIES
 ) -> tuple[Outcome, int]:
-    """Close a ring, from other guesses if the given one fails; returns also the number of further guesses."""
+    """Closes a ring, with other guesses if the given one fails; returns also the number of further guesses."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
@@ -304,7 +305,7 @@ def _with_neighbours(
 
 
 def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
-    """The error for a ring that does not close: the loop that stays open, by how much, and the remedies."""
+    """The error for a ring that does not close: the name of the open loop, its residual, and the remedies."""
     g = ring.geometry
     model = g.model
     owner = [(i, r) for i in ring.cuts.loops for r in g.kept[i]]

@@ -16,13 +16,14 @@ from .nearby_states import NearbyStates, rigid_parts
 from .ordering import Draft
 
 POOR_GROWTH = 1e5
-"""Ratio of a dependent speed to the independent ones above which a warning is issued, for loops that are not compared."""
+"""Ratio of a dependent speed to the independent ones above which a warning is issued, if choices are not compared."""
 
 POOR_HINTS = 100.0
-"""A warning is issued if the condition number of a choice with the model's hints exceeds that of pivoting by this factor."""
+"""Factor by which the condition number with the model's hints may exceed that of pivoting before a warning is
+issued."""
 
 ELSEWHERE = 2
-"""Number of other configurations at which choices are compared, `Choice.elsewhere`."""
+"""Number of other configurations at which choices are compared; see `Choice.elsewhere`."""
 
 SEED = 19900117
 """Seed of the random states, the same for every component."""
@@ -120,7 +121,7 @@ def choose(
 
 
 def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:
-    """The ears of all components in one list, in which each component keeps its places."""
+    """The ears of all components in one list; the positions of each component's ears stay the same."""
     left: list[Iterator[Draft]] = [iter(x) for x in ears]
     result = [d for old in drafts for d in (next(left[of_loop[old.loops[0]]], None),) if d is not None]
     return result + [d for more in left for d in more]
@@ -143,7 +144,8 @@ def _poor(geometry: Geometry, found: Comparison, without_hints: Conditioning | N
 
 
 def independent_names(geometry: Geometry, speeds: Sequence[int], dependent: set[int]) -> Iterator[str]:
-    """Names under `independent` that give the same choice, as far as possible; a quaternion joint is named as a whole."""
+    """Names under `independent` that lead to the same choice as nearly as possible; a quaternion joint is named
+    whole."""
     model = geometry.model
     bodies = dict.fromkeys(int(geometry.speed_body[s]) for s in speeds)
     for k in bodies:

@@ -40,7 +40,7 @@ COUPLED = 3
 """Row of a coupling's condition among the six rows of a loop."""
 
 HALF_TURN = 1e-12
-"""Value of 1 + cos below which the rotation counts as half a turn, and the sign of its axis is arbitrary."""
+"""Value of 1 + cos below which a rotation counts as half a turn, whose axis has no definite sign."""
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
@@ -71,7 +71,8 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
-    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` from there to the points."""
+    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` are the vectors between
+    them."""
     return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
 
 
@@ -158,7 +159,7 @@ class Cuts(PlacedCuts):
         self.surfaces = [(n, g.surfaces[j]) for n, j in enumerate(self.loops) if j in g.surfaces]
 
     def faces(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
-        """Rotation and origin of the start faces, then of the end faces, from the frames of all bodies."""
+        """Rotations and origins of the start faces and of the end faces, from the frames of all bodies."""
         R, o = frames
         result = []
         for side, bodies in ((0, self.starts), (1, self.ends)):
@@ -204,7 +205,7 @@ class Cuts(PlacedCuts):
         return r
 
     def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> PlacedCuts:
-        """The placed cuts of some loops, taken from the cuts of all loops (self)."""
+        """The placed cuts of some loops, selected from the cuts of all loops in this object."""
         found = PlacedCuts(geometry, loops, rows)
         i, other = found.loops, self.lengths[found.loops] / found.lengths
         found.point, found.m = self.point[:, i], self.m[:, i]

@@ -11,19 +11,19 @@ ACCEPTED = 10.0
 would cost a dense system."""
 
 WORTH_IT = 3.0
-"""Factor by which another choice must be better conditioned."""
+"""Factor by which the condition number of another choice must be smaller."""
 
 SHORT_OF_REACH = 0.7
 """Reach (`Comparison.reach`) below which another choice is sought."""
 
 WIDER = 0.25
-"""Gain in value (`Comparison.worth`) that another choice must offer."""
+"""Increase of the value (`Comparison.worth`) that another choice must offer."""
 
 PRICE_OF_CLUSTERED = 0.02
-"""Reach that a cluster must gain for each of its dependent speeds, to be worth a dense system."""
+"""Reach that a cluster must gain for each of its dependent speeds to compensate for a dense system of equations."""
 
 PRICE_OF_DIGIT = 0.05
-"""Reach that one digit of the condition number is worth."""
+"""Reach that is worth as much as one digit of the condition number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,8 @@ class Comparison:
         return reach - PRICE_OF_CLUSTERED * self.clustered - PRICE_OF_DIGIT * math.log10(max(loss, 1.0))
 
     def is_better(self, other: Comparison) -> bool:
-        """Whether this choice is preferred: by condition number if one of the two is not acceptable, otherwise by value."""
+        """Whether this choice is preferred: by condition number if either choice is unacceptable, otherwise by
+        value."""
         if self.loss > ACCEPTED or other.loss > ACCEPTED:
             return self.loss < other.loss
         return self.worth > other.worth

@@ -1,4 +1,4 @@
-"""Components: sets of loops that share joints. Each component closes independently of the others."""
+"""Components: sets of loops that share joints. Each component can be closed independently of the others."""
 
 from __future__ import annotations
 

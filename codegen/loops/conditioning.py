@@ -27,29 +27,29 @@ from .ordering import Draft, Sweep, arrange
 from .velocities import is_lone_coupling
 
 FEW = 30
-"""All choices for a single loop are tried if there are at most this many."""
+"""Largest number of choices for a single loop that are all tried."""
 
 MOST_LOOPS = 8
 MOST_SPEEDS = 60
-"""Components with more loops or speeds are not compared, because their closure matrix is dense."""
+"""Largest number of loops or speeds of a component that is compared, because its closure matrix is dense."""
 
 QUANTILE = 0.75
-"""Quantile of the condition numbers that counts: a choice may be poor at a quarter of the configurations."""
+"""Quantile of the condition numbers that is compared: a choice may be poor at a quarter of the configurations."""
 
 EVERY = 30
-"""In models with more loops, a component is compared only if it has a poorly conditioned ear."""
+"""Largest number of loops of a model in which every component is compared; else only those with a poor ear are."""
 
 DOUBTFUL = 100.0
-"""Condition number from which an ear is poorly conditioned."""
+"""Condition number above which an ear is poorly conditioned."""
 
 SINGULAR = 100 * RANK_TOLERANCE
-"""Configurations whose smallest singular value is below this fraction of the largest are ignored."""
+"""Ratio of the smallest to the largest singular value below which a configuration is ignored."""
 
 EXACT = 1e-9
-"""Residual up to which dependents may be chosen at a configuration."""
+"""Largest residual of a configuration at which dependents may be chosen."""
 
 SERVING = 4
-"""Number of configurations, besides the initial one, at which dependents are chosen together."""
+"""Number of configurations, besides the initial one, for which dependents are chosen jointly."""
 
 BRANCHES = 3
 """Number of the fastest dependent speeds that are tried as independent ones, each in turn."""
@@ -91,7 +91,7 @@ class Conditioning:
         self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
 
     def compare(self, drafts: Sequence[Draft]) -> Comparison:
-        """The condition numbers and the reach of a choice."""
+        """The condition numbers of a choice, and its reach."""
         chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
         return self._compare_columns(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
 
@@ -123,7 +123,7 @@ class Conditioning:
         return result
 
     def better(self, drafts: list[Draft]) -> tuple[list[Draft], Comparison]:
-        """A choice that is clearly better than the given choice; the given choice if there is none."""
+        """A choice that is clearly better than the given one; the given one if there is none."""
         given = best = self.compare(drafts)
         if not given.is_poor:
             return drafts, given
@@ -137,7 +137,7 @@ class Conditioning:
         return (chosen, best) if best.is_clearly_better(given) else (drafts, given)
 
     def own_choice(self) -> tuple[list[Draft], Comparison] | None:
-        """A choice made from the start and improved by `better`; None if the loops cannot be ordered."""
+        """A choice that is made at the initial state and improved by `better`; None if the loops cannot be ordered."""
         drafts = self._arranged(self.held, False)
         return self.better(drafts) if drafts is not None else None
 
@@ -161,7 +161,7 @@ class Conditioning:
             yield other
 
     def _better_conditioned(self, drafts: list[Draft]) -> Iterator[list[Draft]]:
-        """Choices that may be better conditioned; choices whose ears close one after the other come first."""
+        """Choices that may be better conditioned; those whose ears close one after the other come first."""
         best = drafts
         for dividing in (False, True):
             other = self._arranged(self.held, dividing)
@@ -197,7 +197,8 @@ class Conditioning:
         return [self.speeds[chosen[i]] for i in np.argsort(-size, kind="stable")[:BRANCHES]]
 
     def _arranged(self, held: set[int], dividing: bool) -> list[Draft] | None:
-        """Ears in which the speeds `held` are independent, chosen at several configurations; None if no order has full rank."""
+        """Ears in which the speeds `held` are independent, chosen at several configurations; None if every order loses
+        rank."""
         sweep = Sweep(self.geometry, self.q[self.serving], held, np.random.default_rng(self.seed))
         sweep.dividing = sweep.dividing_for_condition = dividing
         try:
@@ -208,7 +209,7 @@ class Conditioning:
 
 
 def _exceeded(values: Array) -> float:
-    """The upper quartile of some values: a quarter of them exceed it."""
+    """The upper quartile of the values, which a quarter of them exceed."""
     return float(np.quantile(values, QUANTILE, method="higher"))
 
 

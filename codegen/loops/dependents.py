@@ -20,22 +20,22 @@ RANK_TOLERANCE = 1e-7
 well below the singular values of a closure matrix half a degree from a singular pose."""
 
 WINDOWS = (10, 30, 100)
-"""Number of nonzero columns that compete for a pivot, in order of trial."""
+"""Numbers of nonzero columns that compete for a pivot, in the order in which they are tried."""
 
 THRESHOLDS = (0.05, 0.3, 1.0)
-"""A column is taken if its norm is at least this fraction of the largest in the window, in order of trial."""
+"""Fractions of the largest norm in the window that a pivot column must reach, in the order in which they are tried."""
 
 GOOD_CONDITION = 20.0
-"""Condition number below which the search ends; above it, a 4 times better one is worth twice the distance from the cut."""
+"""Condition number that ends the search. Above it, a factor of 4 outweighs twice the distance from the cut."""
 
 MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of combinations that span the range of A and are compared."""
+"""Number of combinations spanning the range of A that are compared."""
 
 MAX_DIVIDED = 6
-"""Number of rotations or displacements of which each is tried as the only divided group."""
+"""Largest number of rotations or displacements that are tried one by one as the only divided group."""
 
 
 def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
@@ -97,7 +97,7 @@ def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int
 
 
 def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
-    """Columns that span A, as `choose_dependents` finds them, with few quaternion joints divided."""
+    """Columns that span A, found like those of `choose_dependents`, which divide few quaternion joints."""
     best: list[int] = []
     lowest = float("inf")
     for parts in divided_joints(joints):
@@ -155,7 +155,8 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, de
 
 
 def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
-    """Sets of joints to take as a whole, the smallest first; among sets of equal size, those near the cut first."""
+    """Sets of joints that are taken whole, smallest sets first; of sets of equal size, those near the cut come
+    first."""
     for count in range(len(several) + 1):
         if count and count * min(map(len, several)) > rank:
             return
@@ -202,12 +203,13 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
 
 
 def columns_at_all(A: Array, rank: int) -> list[int]:
-    """Columns of ``(S, rows, f)`` from an elimination that always takes the column whose smallest norm over S is largest."""
+    """Columns of ``(S, rows, f)`` from an elimination whose pivot is the column with the largest minimum norm over
+    S."""
     return _eliminate(A, [], list(range(A.shape[2])), rank, A.shape[2], 1.0)
 
 
 def pivoted_columns(A: Array, rank: int) -> Array:
-    """Columns ``(S, rank)`` that a Gram-Schmidt process with column pivoting takes in each matrix ``(S, rows, f)``."""
+    """Columns ``(S, rank)`` that Gram-Schmidt with column pivoting selects in each matrix ``(S, rows, f)``."""
     rest, basis = A.copy(), list[Array]()
     chosen = np.empty((len(A), rank), dtype=int)
     for i in range(rank):
@@ -218,7 +220,7 @@ def pivoted_columns(A: Array, rank: int) -> Array:
 
 
 def _orthogonalise(rest: Array, basis: list[Array], column: Array) -> None:
-    """Add a column ``(S, rows)`` to the orthonormal basis, and project it out of the rest ``(S, rows, f)``."""
+    """Adds a column ``(S, rows)`` to the orthonormal basis, and removes it from the other columns ``(S, rows, f)``."""
     for _ in range(2):  # the second pass removes the rounding errors of the first
         for b in basis:
             column = column - np.sum(b * column, axis=1, keepdims=True) * b

@@ -7,7 +7,7 @@ from .ears import Ear, Partition
 from .errors import listed, loops_counted
 
 LINES = 12
-"""With more ears than this, equal ears share a line."""
+"""Number of ears above which equal ears share a line."""
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
@@ -67,7 +67,7 @@ def describe(model: Model, partition: Partition) -> list[str]:
 
 
 def _comparison(model: Model, partition: Partition) -> list[str]:
-    """Lines on the quality of the choice for the worst component, and on components that were not compared."""
+    """Lines about the quality of the choice for the worst component, and about components that were not compared."""
     lines = []
     compared = partition.compared
     if compared:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class DisjointSets:
-    """The numbers 0 to n - 1, at first each in its own set; one of its members identifies a set."""
+    """Disjoint sets of the numbers 0 to n - 1, at first one set for each; one member identifies each set."""
 
     def __init__(self, n: int) -> None:
         self._towards = list(range(n))

@@ -30,10 +30,10 @@ FAR_ANGLE = 1.6
 """Change of an initial value by closing the loops, in rad, above which it is reported."""
 
 SMALL = 1e-2
-"""Motions whose singular value is below this fraction of the largest are nearly permitted."""
+"""Ratio to the largest singular value below which the loops nearly permit a motion."""
 
 PART = 0.2
-"""Joints whose component in a nearly permitted motion is below this fraction of the largest are not named."""
+"""Ratio to the largest component below which a joint is not named as part of a nearly permitted motion."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
@@ -47,7 +47,7 @@ def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:
 
 
 def ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
-    """Warning about initial values of dependent speeds that closure replaces."""
+    """Warnings about initial values of dependent speeds that are replaced when the loops are closed."""
     named = [s for s in found.dependent if model.speed_names[s] in model.initial_u]
     if not named:
         return
@@ -78,7 +78,7 @@ def doubts_of(model: Model, geometry: Geometry, draft: Draft, held: set[int]) ->
 
 
 def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Array, list[int]]]:
-    """Motions of an ear's joints that its loops nearly permit: singular value relative to the largest, components, speeds."""
+    """Motions that the loops of an ear nearly permit: relative singular value, components, speeds."""
     closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops)
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     _, s, V = np.linalg.svd(E, full_matrices=False)
@@ -89,7 +89,7 @@ def stopped(geometry: Geometry, draft: Draft, q: Array) -> list[tuple[float, Arr
 
 
 def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> list[str]:
-    """Warnings about motions nearly permitted at all configurations; at one alone, a singular pose may be the cause."""
+    """Warnings about motions nearly permitted at all configurations; one configuration alone may just be singular."""
     lines = []
     for draft in drafts:
         first, *others = (stopped(geometry, draft, q) for q in configurations)

@@ -1,4 +1,4 @@
-"""A partition: ears in the order in which they close, and the speeds that each makes dependent."""
+"""A partition: ears in the order in which they close, and the dependent speeds of each ear."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Partition:
         return tuple(sorted(s for ear in self.ears for s in ear.dependent))
 
     def split(self, model: Model) -> list[SpeedGroup]:
-        """Rotations and displacements of which some speeds are dependent and some independent."""
+        """Rotations and displacements with both dependent and independent speeds."""
         dependent = set(self.dependent)
         return [group for group in speed_groups(model) if group.is_split(dependent)]
 

@@ -8,7 +8,7 @@ from ..model.model import Model
 
 
 def listed(names: Sequence[str], limit: int = 6) -> str:
-    """The names, separated by commas; beyond `limit` only their number is given."""
+    """The names, separated by commas; of more than `limit` names, only the number is given."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
@@ -26,7 +26,7 @@ def loops_named(model: Model, loops: Sequence[int]) -> str:
 
 
 def loops_counted(model: Model) -> str:
-    """Number of loops and couplings of a model: ``2 loops and 1 coupling``."""
+    """The number of loops and couplings of a model as text: ``2 loops and 1 coupling``."""
     couplings = sum(loop.is_coupling for loop in model.loops)
     counts = (("loop", len(model.loops) - couplings), ("coupling", couplings))
     return " and ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts if n)

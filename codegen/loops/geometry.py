@@ -22,7 +22,7 @@ from .ears import Ear
 from .speed_groups import speed_groups
 
 LEAST_TOLERANCE = 1e-12
-"""Smallest tolerance, well above rounding: smaller values count as zero."""
+"""Smallest tolerance, well above rounding errors; smaller tolerances are replaced by it."""
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
@@ -34,7 +34,7 @@ def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[st
 
 
 def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list[float]]:
-    """A function that evaluates expressions; an object shared within the model is evaluated once."""
+    """A function that evaluates expressions; an expression that occurs several times is evaluated once."""
     known: dict[int, float] = {}
 
     def evaluate(expressions: Iterable[Expression]) -> list[float]:
@@ -261,7 +261,7 @@ class Geometry:
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _coupled(self, of: Coupling) -> Coupled:
-        """The coupling of a loop with the values of its factors and offset as numbers."""
+        """The coupling of a loop, with its factors and its offset as numbers."""
         places = [[s.start + t.index for s in self.slices[t.body]] for t in of.terms]
         q, u = (np.array([place[i] for place in places], dtype=int) for i in (0, 1))
         return Coupled(
@@ -298,14 +298,14 @@ class Geometry:
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
 
     def turn_round(self, loops: Collection[int]) -> None:
-        """Express the conditions of some loops along the axes of the ``to`` face."""
+        """Expresses the conditions of some loops along the axes of the ``to`` face."""
         kept, self.model = self.kept, self.model.with_turned(loops)
         self._cycles.clear()
         self._loops()
         self.kept = kept
 
     def follow(self, ear: Ear) -> None:
-        """Take over the characteristic length and the dropped conditions of an ear."""
+        """Copies the characteristic length and the dropped conditions of an ear."""
         self.lengths[list(ear.loops)] = ear.length
         for i in {i for i, _ in ear.dropped}:
             self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]
@@ -435,7 +435,7 @@ class Joints:
 
 
 def padded(q: Sequence[float] | Array) -> Array:
-    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)``; the zero at the end serves bodies without a coordinate."""
+    """Coordinates ``(nq,)`` or ``(S, nq)`` as ``(S, nq + 1)``; bodies without a coordinate read the zero at the end."""
     q = np.atleast_2d(np.asarray(q, dtype=float))
     return np.concatenate([q, np.zeros((len(q), 1))], axis=1)
 

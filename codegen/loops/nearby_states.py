@@ -1,4 +1,4 @@
-"""Assembled configurations spread over the range of some loops: random walks along the motions that the loops permit."""
+"""Assembled configurations in the range of some loops, found by random walks along motions that the loops permit."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ WALKS = 5
 """Number of walks from the initial configuration, each in its own direction."""
 
 STRIDES = 4
-"""Number of steps of a walk; the loops are closed again after each."""
+"""Number of steps of a walk; each step ends with closing the loops."""
 
 STRIDE = 0.4
 """Largest component of a step, rad or characteristic lengths."""
 
 CORRECTIONS = 4
-"""Number of Newton steps that close the loops again."""
+"""Number of Newton steps that close the loops after a step."""
 
 DRAWS = 20
 """Number of random sets of independent coordinates with which a choice of dependents is tested."""
@@ -33,13 +33,14 @@ PARTS = 3
 """Number of steps in which the independent coordinates move to their random values."""
 
 TRIALS = 10
-"""Number of Newton steps that may close the loops after the last of the `PARTS` steps."""
+"""Number of Newton steps that may close the loops at the end of the path."""
 
 DAMPING = 1e-11
-"""This fraction of the trace of E E^T is added to its diagonal, so that redundant conditions do not make it singular."""
+"""Fraction of the trace of E E^T that is added to its diagonal, so that redundant conditions do not make it
+singular."""
 
 NEARLY_CLOSED = 1e-5
-"""Residual, in characteristic lengths or rad, up to which a configuration is good enough for comparing columns."""
+"""Residual, in characteristic lengths or rad, up to which columns may be compared at a configuration."""
 
 
 class NearbyStates:
@@ -93,7 +94,8 @@ class NearbyStates:
         return float(np.mean(_largest(rows) < NEARLY_CLOSED))
 
     def put(self, q: Array) -> Array:
-        """Configurations with the joints of the loops at ends of the walks, and the loops closed as well as possible."""
+        """Configurations in which the joints of the loops are at the ends of the walks, with the loops closed if
+        possible."""
         moved = sorted({i for s in self.speeds for i in range(*self.geometry.moved[s].indices(q.shape[1]))})
         far = np.argsort(-np.max(np.abs(self.q - self.q[0]), axis=1), kind="stable")[: len(q)]
         far = np.resize(far, len(q))
@@ -140,7 +142,7 @@ def _largest(rows: Array) -> Array:
 
 
 def _limited(step: Array) -> Array:
-    """Steps ``(S, f)``, shortened to the range in which a linearisation is valid."""
+    """The steps ``(S, f)``, shortened to where the linearisation is valid."""
     size = np.max(np.abs(step), axis=1, keepdims=True)
     limited: Array = step * np.minimum(1.0, LARGEST_STEP / np.where(size > 0, size, 1.0))
     return limited
@@ -161,6 +163,6 @@ def _least(E: Array, right: Array) -> Array:
 
 
 def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
-    """Groups of bodies that no moving joint of some loops separates."""
+    """Groups of bodies that move rigidly together, since no moving joint of some loops lies between them."""
     moving = geometry.passed(i for loops in components for i in loops)
     return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])

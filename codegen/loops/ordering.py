@@ -24,19 +24,19 @@ from .tangles import untangled
 from .velocities import Motion, VelocityClosure, is_lone_coupling
 
 MOTIONS = 12
-"""Number of random motions: more than a loop has conditions."""
+"""Number of random motions, which exceeds the number of conditions of a loop."""
 
 FOLLOWED = 1e-8
-"""Residual of a random motion, relative to the motions at the cut, up to which the loop counts as closed."""
+"""Relative residual of a random motion at the cut up to which the loop counts as closed."""
 
 NEIGHBOURS = 8
-"""Number of loops sharing joints with a stuck loop that are tried in other orders, the latest first."""
+"""Number of loops that are tried in other orders: the latest ones that share joints with the stuck loop."""
 
 WORTH_DIVIDING = 3.0
-"""Factor by which the condition number must improve to divide quaternion joints that could stay whole."""
+"""Factor by which dividing a quaternion joint must improve the condition number."""
 
 Order = list[tuple[int, ...]]
-"""Ears in their order, each as the tuple of its loops."""
+"""The ears in order, each as the tuple of its loops."""
 
 
 def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
@@ -90,7 +90,8 @@ class Draft:
 
 @dataclass(slots=True)
 class Open:
-    """Reason why an ear does not close by itself: a text, the hinted speeds that prevent it, and the ear's place in the order."""
+    """The reason why an ear does not close by itself: a text, the hinted speeds that prevent it, and the ear's
+    position."""
 
     text: str
     refused: list[str] = field(default_factory=list)
@@ -125,7 +126,7 @@ class Sweep:
         self.motion = Motion(geometry, q, np.repeat(motions, len(q), axis=0))
 
     def run(self, order: Order) -> tuple[list[Draft], Open | None]:
-        """The ears before the first one that does not close by itself, and the reason why it does not; None if all close."""
+        """The ears before the first one that does not close by itself, and the reason for that; None if all close."""
         self.motion.restart()
         self.regular = np.ones(len(self.q), dtype=bool)
         drafts: list[Draft] = []
@@ -204,7 +205,7 @@ class Sweep:
 
 
 def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -> bool:
-    """Whether the columns of E, which has this rank, can compensate the known motions at the cut."""
+    """Whether the columns of E, of the given rank, can compensate the known motions at the cut."""
     rows = E.shape[1]
     if rank == rows:
         return True
@@ -244,7 +245,7 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
 
 
 def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
-    """Another order in which more ears close, or in which some become one cluster."""
+    """Another order in which more ears close, or in which some ears become one cluster."""
     i, ear = stuck.place, order[stuck.place]
     passed = sweep.geometry.passed_speeds(ear)
     sharing = [j for j in reversed(range(i)) if sweep.geometry.passed_speeds(order[j]) & passed]
@@ -260,7 +261,8 @@ def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
 
 
 def _others(order: Order, i: int, sharing: list[int]) -> Iterator[tuple[Order, int]]:
-    """Other orders with their numbers of ears to test: first without further clusters, then with one that ear i joins."""
+    """Other orders, each with the number of ears to test: first orders without a new cluster, then with one around ear
+    i."""
     before, ear, after = order[:i], order[i], order[i + 1 :]
     for j in sharing:
         yield before[:j] + [ear] + before[j:] + after, i + 1

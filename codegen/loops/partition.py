@@ -41,7 +41,7 @@ DISTANCE = 0.08
 """Distance of the nearby configurations from the initial one, rad and characteristic lengths."""
 
 FEW = 100
-"""With more ears than this, redundant conditions are examined at the initial configuration only."""
+"""Largest number of ears whose redundant conditions are examined at several configurations."""
 
 OTHERS = 3
 """Number of further configurations at which redundant conditions are examined."""
@@ -51,11 +51,11 @@ PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
 distances are large, because nearby configurations may all be special."""
 
 SEED = 20030617
-"""Seed of the random numbers: the same model always has the same partition."""
+"""Seed of the random numbers, so that equal models have equal partitions."""
 
 
 class _NotNearlyClosed(PartitionError):
-    """Raised if loops stay open in conditions that are not redundant and therefore have to be closed to rounding."""
+    """Raised if a loop stays open in a condition that is not redundant and must be closed to rounding."""
 
 
 @np.errstate(
@@ -160,7 +160,7 @@ class _Choice:
         self.stuck: list[int] = []
 
     def of(self, guess: Array) -> tuple[Array, Choice, list[str], Redundancy]:
-        """An assembled configuration, the ears, warnings, and the redundant conditions."""
+        """An assembled configuration, its ears, warnings, and redundant conditions."""
         geometry, random = self.geometry, self.random
         if is_closed(geometry, guess):
             q, chosen = guess, self._choice(guess)
@@ -234,7 +234,7 @@ class _Choice:
         return sweep, drafts
 
     def _refuse_hints(self, stuck: list[int], advice: str) -> None:
-        """Raise an error if hinted speeds belong to loops that are stuck."""
+        """Raises an error if hinted speeds prevent loops from closing."""
         geometry, model = self.geometry, self.geometry.model
         wrong = sorted(self.held & geometry.passed_speeds(stuck))
         if wrong:
@@ -323,7 +323,8 @@ def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random
 def _others(
     geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator, nearly: bool = False
 ) -> list[Array]:
-    """Further assembled configurations, up to half a radian from the given one; `nearly` as for `assembled`."""
+    """Further assembled configurations, up to half a radian from the given one; `nearly` is the argument of
+    `assembled`."""
     speeds = np.array(loose.independent)
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
     shared = components(geometry) if nearly else []

@@ -36,7 +36,7 @@ class Groups:
             self.link[k] = self.geometry.parent[k]
 
     def find(self, body: int) -> int:
-        """The innermost body of a body's group; shortens the links on the way to it."""
+        """The innermost body of the group of a body; later searches take a shorter path."""
         link, path = self.link, []
         while link[body] != body:
             path.append(body)
@@ -51,10 +51,11 @@ class Groups:
         return self.link[body] != body
 
     def _shorten(self, k: int, via: int) -> None:
-        """Compose the relative data of body k with those of `via`, so that k is relative to the body that `via` links to."""
+        """Composes relative data of body k with those of `via`; afterwards they are relative to the body to which `via`
+        links."""
 
     def unknown(self, loop: int) -> tuple[list[int], list[int]]:
-        """Bodies with unknown joints on a loop's cycle, from the cut inward: on the start side, on the end side."""
+        """Bodies with unknown joints on the cycle of a loop, from the cut inward: the start side, and the end side."""
         g = self.geometry
         sides: tuple[list[int], list[int]] = ([], [])
         if loop in g.couplings:

@@ -37,28 +37,28 @@ SPACING = 4e-16
 accuracy of the range of these columns."""
 
 FAR = 2e-11
-"""Replaces `ROUNDING` at configurations that are closed less accurately."""
+"""Value that replaces `ROUNDING` at configurations that are closed less accurately."""
 
 OPENED = 1e-7
-"""Largest residual, per unit change of a parameter, up to which the parameter does not count as opening a redundant condition."""
+"""Residual per unit change of a parameter up to which the parameter does not open a redundant condition."""
 
 ALLOWED = 10.0
-"""A dropped condition may be open by this multiple of the model's tolerance: lever arms magnify errors."""
+"""Factor of the model's tolerance up to which a dropped condition may be open, since lever arms magnify errors."""
 
 SUBSETS = 5000
-"""Number of sets of conditions that are compared; if there are more, rows are eliminated one by one."""
+"""Largest number of sets of conditions that are compared; beyond it, rows are eliminated one by one."""
 
 LEAST_OFF = 1e-13
-"""Angle between axes, rad, up to which the axes count as parallel, because the angle is only a rounding error."""
+"""Angle between two axes, rad, that counts as a rounding error, so that the axes are parallel."""
 
 AS_GOOD = 0.7
-"""A later set of conditions replaces the best one only if its quality, times this factor, exceeds that of the best one."""
+"""Factor by which the quality of a later set of conditions must exceed that of the best one."""
 
 WORTH_TURNING = 0.6
-"""Conditions along axes of ``from`` are kept unless their quality is below this fraction of the quality along axes of ``to``."""
+"""Fraction of the quality along axes of ``to`` below which conditions along axes of ``from`` are replaced."""
 
 STEP = 2.0**-10
-"""Relative step of parameters; a parameter smaller than this number counts as this large."""
+"""Relative step of parameters; for a smaller parameter, this number is used in place of its magnitude."""
 
 
 @dataclass(slots=True)
@@ -85,7 +85,8 @@ class Redundancy:
 def nearly_redundant(
     geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator, rounding: float = ROUNDING
 ) -> list[Draft]:
-    """Ears with conditions that count as redundant, but not to rounding, at an assembled configuration ``(1, nq + 1)``."""
+    """Ears whose conditions are redundant within the tolerance but not to rounding, at a configuration ``(1, nq +
+    1)``."""
     found = []
     motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
     for draft in drafts:
@@ -178,7 +179,7 @@ def _quality(A: Array, rows: list[int]) -> float:
 
 
 def _eliminated(A: Array, order: list[int]) -> list[int]:
-    """As many rows of A ``(S, rows, r)`` as it has columns: each time the first in `order` with nearly the largest remainder."""
+    """As many rows of A ``(S, rows, r)`` as columns; each is the first in `order` with nearly the largest remainder."""
     rest, chosen = A.copy(), list[int]()
     while len(chosen) < A.shape[2]:
         size = np.min(np.linalg.norm(rest, axis=2), axis=0)
@@ -191,7 +192,7 @@ def _eliminated(A: Array, order: list[int]) -> list[int]:
 
 
 def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> None:
-    """Keep only the given conditions of an ear, and drop its others."""
+    """Keeps the given conditions of an ear, and drops its other conditions."""
     for i in draft.loops:
         geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
 
@@ -205,7 +206,7 @@ def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
 
 
 def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
-    """Text about the dropped conditions of an ear, and the reason."""
+    """Text about the dropped conditions of an ear, with the reason."""
     model = geometry.model
     dropped = [
         closure_row_names(model.loops[i])[n]
@@ -233,7 +234,8 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
 
 
 def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
-    """The kind of motion that the joints of an ear nearly have, and how far the joints deviate from it, as text."""
+    """Text about the kind of motion that the joints of an ear nearly have, and about how far the joints deviate from
+    it."""
     turning = geometry.turning[closure.speeds]
     w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
     if len(w):
@@ -305,7 +307,7 @@ def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
 
 
 def _rate(values: Sequence[Array], step: float) -> Array:
-    """Rate of change by a fourth-order central difference, from values at plus and minus one step and half a step."""
+    """Rate of change by a fourth-order central difference, from values at one step and half a step to both sides."""
     whole, half = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / step
     return (4 * half - whole) / 3
 
@@ -347,6 +349,6 @@ def _opened(
 
 
 def _residuals(changed: Geometry, geometry: Geometry, motion: Motion) -> Array:
-    """Position residuals ``(L, 6)`` of a changed geometry's loops, with the bodies at the positions of a motion."""
+    """Position residuals ``(L, 6)`` of the loops of a changed geometry, with the bodies placed as in a motion."""
     cuts = Cuts(changed, range(len(geometry.model.loops)), geometry.rows)
     return cuts.place(cuts.faces(motion.frames), motion.q)[0]

@@ -1,4 +1,4 @@
-"""Rings of joints that close loops. Poses are relative to the known bodies around them; damped Newton steps close them."""
+"""Rings of joints that close loops. Poses are relative to known bodies; damped Newton steps close the rings."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .geometry import Joints, advance
 from .paths import PoseGroups
 
 ROUNDING = 5e-16
-"""Residual, per unit of the distance from the base in characteristic lengths, below which no further step is made."""
+"""Residual below which Newton's method ends, per unit of the distance from the base in characteristic lengths."""
 
 CLOSED = 1e-10
-"""Residual, per unit of the distance from the base, below which a ring is closed: between rounding and intended gaps."""
+"""Residual per unit of the distance from the base below which a ring is closed; it exceeds rounding errors."""
 
 SETTLED = 1e-3
-"""Iteration ends with a step that changes the residual by less than this fraction."""
+"""Relative change of the residual below which the iteration ends."""
 
 MAX_STEPS = 60
 
@@ -27,13 +27,13 @@ PATIENCE = 6
 """Number of steps within which the residual must decrease by a third."""
 
 LARGEST_STEP = 0.7
-"""Largest step, rad or characteristic lengths: beyond half a radian a linearisation is no longer valid."""
+"""Largest step, rad or characteristic lengths; a linearisation is not valid beyond half a radian."""
 
 LEAST_STEP = 1e-5
-"""Step length below which the iteration gives up."""
+"""Length of a step below which the iteration fails."""
 
 LEAST_PIVOT = 1e-9
-"""Singular values of the closure matrix below this fraction of the largest count as zero."""
+"""Fraction of the largest singular value of the closure matrix below which others count as zero."""
 
 
 class Ring:
@@ -90,7 +90,8 @@ class Ring:
 
     @staticmethod
     def _carrier(groups: PoseGroups, place: dict[int, int], body: int) -> tuple[int, Array, Array, int]:
-        """Moving joint that carries a body, the body's frame relative to that joint's body, and the innermost body."""
+        """The moving joint that carries a body, the body's frame relative to that joint's body, and the innermost
+        body."""
         base = groups.find(body)
         if body == base:
             R, o = np.broadcast_to(np.eye(3), groups.R[body].shape), np.zeros_like(groups.o[body])
@@ -155,7 +156,7 @@ class Outcome:
 
 
 def is_closed_as_given(ring: Ring, q: Array) -> bool:
-    """Whether a ring is closed to rounding at the given coordinates, so that `close` has nothing to do."""
+    """Whether a ring is closed to rounding at the given coordinates, so that `close` need not change them."""
     rows, _ = ring.evaluate(q)
     return float(np.linalg.norm(rows)) <= ROUNDING * (1 + ring.reach())
 

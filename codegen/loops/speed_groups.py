@@ -31,7 +31,7 @@ class SpeedGroup:
     speeds: range
 
     def is_split(self, dependent: Collection[int]) -> bool:
-        """Whether some of the speeds are dependent and some are not."""
+        """Whether some of the speeds are dependent and others are independent."""
         return 0 < sum(s in dependent for s in self.speeds) < len(self.speeds)
 
 

@@ -63,7 +63,7 @@ def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], depende
 def _untangled(
     geometry: Geometry, ears: Sequence[tuple[int, ...]], owner: Mapping[int, int], moved: set[int]
 ) -> list[tuple[int, ...]]:
-    """The ears with each tangle merged, given the loop that owns each body on a cycle, and the bodies that dependents move."""
+    """The ears after merging each tangle, from the loop of each body on a cycle and the bodies that dependents move."""
     ears, couplings = list(ears), geometry.couplings
     outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
     parent = {k: geometry.parent[k] for k in outward}
@@ -137,7 +137,7 @@ def ear_members(
     carrier: dict[int, int] = {}
 
     def take(e: int, i: int) -> None:
-        """Add a node that ear e moves, and the nodes inboard of it up to those that are already added."""
+        """Adds a node that ear e moves, and all nodes inboard of it that have not been added."""
         while i not in moved[e]:
             moved[e].add(i)
             i = parent[i]

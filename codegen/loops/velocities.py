@@ -1,4 +1,4 @@
-"""Velocity closure: conditions of loops on speeds, and dependent speeds from independent ones, ear by ear."""
+"""Velocity closure: the conditions of loops on speeds, and dependent speeds computed from independent ones."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Motion:
         self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 
     def closure(self, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> VelocityClosure:
-        """The velocity conditions of an ear, given the speeds known so far; `rows` as in `PlacedCuts`."""
+        """The velocity conditions of an ear, with the speeds that are known so far; `rows` as in `PlacedCuts`."""
         return VelocityClosure(self, loops, rows)
 
     def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
@@ -175,7 +175,8 @@ class VelocityClosure:
         return parts
 
     def disturbance(self, others: Array, configurations: Array) -> tuple[Array, Array]:
-        """Contributions ``(S, rows, K)`` of known speeds and of the columns `others`, and the size of their terms."""
+        """Contributions ``(S, rows, K)`` of known speeds and of the columns `others`, and the magnitude of their
+        terms."""
         E, u = self.E[configurations][..., others], self._u[configurations][:, self.speeds[others]]
         size = self.size[configurations] + np.sum(np.max(np.abs(E), axis=1)[..., None] * np.abs(u), axis=1)
         return self.known[configurations] + E @ u, size
@@ -185,7 +186,7 @@ class VelocityClosure:
         return float(np.max(np.linalg.norm(self._cuts.point, axis=-1))) / self._length
 
     def possible(self) -> int:
-        """Number of conditions that the joints' motions can violate: for planar motions only conditions in the plane."""
+        """Number of conditions that motions of the joints can violate; for planar motions, those in the plane."""
         cuts = self._cuts
         total = len(cuts.couplings)
         for j, passing in enumerate(self._passing):
@@ -206,7 +207,7 @@ class VelocityClosure:
 
 
 def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
-    """Whether some loops are a single coupling, in which every coordinate is an equally good dependent."""
+    """Whether the loops are one coupling, whose coordinates are all equally good dependents."""
     return len(loops) == 1 and loops[0] in geometry.couplings
 
 

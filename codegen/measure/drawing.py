@@ -1,4 +1,4 @@
-"""Figures as SVG text by matplotlib, to be read in black and white."""
+"""Figures as SVG text, drawn by matplotlib and readable in black and white."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#000000", "marker": "P", "linestyle": (0, (8, 3))},
     {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
-"""Markers and dashes distinguish the lines, not only colours."""
+"""Markers and dashes of lines, which distinguish them without colours."""
 
 
 @contextmanager
 def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
-    """A figure and its axes; appends the SVG text to the list."""
+    """A figure and its axes; when it is complete, its SVG text is appended to the list."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -61,7 +61,8 @@ def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any
 def rows_of_points(
     names: Sequence[str], label: str, columns: int = 2, **legend: Any
 ) -> Iterator[tuple[Any, Sequence[int], list[str]]]:
-    """Axes with a line for each name, the first at the top, and their heights; appends the SVG text to the list."""
+    """Axes with a row for each name, the first at the top, and the heights of rows; the SVG text is appended to the
+    list."""
     with drawing(7.2, 0.9 + 0.36 * len(names)) as (_, (ax,), text):
         places = range(len(names))[::-1]
         yield ax, places, text

@@ -1,4 +1,4 @@
-"""Shipped models of any size, from ``examples/`` in a checkout or from the wheel, with states and directions."""
+"""Shipped models of any size, from ``examples/`` of a checkout or from the wheel, with states and directions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def example(name: str) -> str:
 
 
 def changed(name: str, old: str, new: str) -> str:
-    """A shipped model with a replaced piece of text, which must occur exactly once."""
+    """The text of a shipped model in which one piece of text, which must occur exactly once, is replaced."""
     text = example(name)
     if text.count(old) != 1:
         raise ValueError(f"{name}.yaml does not contain {old!r} exactly once, as the benchmark expects")
@@ -54,7 +54,7 @@ def text_of(name: str, size: int) -> str:
 
 
 def chain_state(n: int) -> tuple[Array, Array]:
-    """q_k = 0.3 sin k and u_k = 0.2 cos k, k from 1."""
+    """The state q_k = 0.3 sin k and u_k = 0.2 cos k, where k begins with 1."""
     k = np.arange(1, n + 1)
     return 0.3 * np.sin(k), 0.2 * np.cos(k)
 
@@ -69,7 +69,7 @@ def chain_tip(q: Array) -> Array:
 
 
 def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
-    """Seeds dq, du (width, n) and of the parameter (width, 1), without zeros."""
+    """Seeds dq and du (width, n), and seeds of the parameter (width, 1), all of them nonzero."""
     k, j = np.arange(1, n + 1), np.arange(width)[:, None]
     dq: Array = 0.1 * np.sin(2.0 * k + 0.7 * j)
     du: Array = 0.1 * np.cos(3.0 * k + 0.5 * j)
@@ -115,6 +115,6 @@ class Sized:
 
 
 def sized(name: str, size: int) -> Sized:
-    """One of `SIZES` with a given size, in its standard state."""
+    """One of the models in `SIZES` with a given size, in its standard state."""
     model: Any = parse_model(text_of(name, size), f"{name}({size})")
     return Sized(name, size, model, *(chain_state(size) if name == "CHAIN" else initial_configuration(model)))

@@ -39,7 +39,8 @@ def operations(solver: Solver, function: str, directions: int = 0) -> int:
 
 
 def point(solver: Solver, name: str, function: str, directions: int, seconds: float) -> dict[str, Any]:
-    """A point of a roofline for a call of given duration: operations per second, and per byte of arguments and results."""
+    """A point of a roofline: operations per second, and operations per byte of arguments and results, of a timed
+    call."""
     n, k = operations(solver, function, directions), directions
     moved = 8 * ((solver.nq + 2 * solver.nu + solver.ninputs) * (1 + k) + solver.np * k + 1)
     return {"name": name, "operations": n, "per_second": n / seconds, "per_byte": n / moved}

@@ -15,7 +15,7 @@ from .compiled import Array
 
 
 class Robot(NamedTuple):
-    """File in the folder ``robots`` of example-robot-data, and whether the robot is free-floating."""
+    """A robot's file in the folder ``robots`` of example-robot-data, and whether the robot is free-floating."""
 
     file: str
     free: bool
@@ -39,7 +39,7 @@ def robots_folder() -> Path:
 
 
 def chain(n: int) -> Any:
-    """Pinocchio's model of CHAIN(n): uniform rods with hinges about y and x alternately."""
+    """Pinocchio's model of ``CHAIN(n)``: uniform rods with hinges about y and x in alternation."""
     import pinocchio as pin
 
     model = pin.Model()
@@ -82,7 +82,7 @@ def theirs_of(name: str, folder: Path | None = None) -> Any:
 
 
 def ours(theirs: Any, name: str) -> Model:
-    """The same model in ordernm, with an input force on every degree of freedom; the order of speeds is given by `State`."""
+    """The same model in ordernm, with an input force on every degree of freedom; `State` gives the order of speeds."""
     return from_pinocchio(theirs, name=name.lower().replace("(", "").replace(")", ""), motors=True).model
 
 
@@ -105,7 +105,7 @@ class State(NamedTuple):
 
 
 def usual_state(theirs: Any, q: Array | None = None, u: Array | None = None) -> State:
-    """By default q_k = 0.3 sin k and u_k = 0.2 cos k, with normalised quaternions."""
+    """The usual state: q_k = 0.3 sin k and u_k = 0.2 cos k, with normalised quaternions."""
     import pinocchio as pin
 
     q = 0.3 * np.sin(np.arange(1, theirs.nq + 1)) if q is None else q.copy()

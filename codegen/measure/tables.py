@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Table:
-    """A table, as rows of text."""
+    """A table as rows of text."""
 
     title: str
     head: Sequence[str]

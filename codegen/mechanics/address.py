@@ -1,4 +1,4 @@
-"""Addresses of the components of stores: whose memory a store accesses, for each instance of a kind."""
+"""Addresses of components of stores: the object whose memory a store accesses, for each instance of a kind."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class SystemAddresses(Addresses):
         return SWEEP[sweep].units
 
     def accessed_links(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
-        """For each instance of a kind, the link whose memory a store accesses; the ground has the number after the last link."""
+        """For each instance of a kind, the link whose memory a store accesses; the ground counts as the last link."""
         ground = len(self.system.links)
         found = owner_links(self.system, kind, store, SWEEP[sweep].units)
         return [ground if link == GROUND else link for link in found]
@@ -143,7 +143,7 @@ class SystemAddresses(Addresses):
         return found
 
     def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> Row:
-        """Row of the accessed memory in its array."""
+        """The row of the accessed memory in its array."""
         regions = self.system.regions
         if store.memory is EAR_RECORD:
             return Row("EAR", tuple(regions.order[i].number for i in kind.units))
@@ -158,7 +158,7 @@ class SystemAddresses(Addresses):
         return self.of_links(kind, sweep, store, "NUMBER")
 
     def _coupling(self, kind: UnitKind, store: Store) -> Row:
-        """Memory slot of a coupling that ends with the unit, or to which the unit contributes."""
+        """The memory slot of a coupling that ends at the unit, or to which the unit contributes."""
         elimination, place = self.system.regions.elimination, store.place
         assert place is not None
         units = [elimination.partners[i] for i in kind.units]
@@ -220,7 +220,7 @@ class SystemAddresses(Addresses):
         }
 
     def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> Row:
-        """Number of the j-th design parameter on which the constants of a link, a loop or a force element depend."""
+        """Number of the j-th design parameter on which the constants of a link, loop or force element depend."""
         system = self.system
         if store.owner is ELEMENT:
             owners, column = [system.elements[n].constants for n in kind.members], f"P{j}"
@@ -233,7 +233,7 @@ class SystemAddresses(Addresses):
         return Row(column, tuple(self._parameter_places[c.parameters[j]] for c in owners))
 
     def _constant(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
-        """A constant that differs within a kind: a number, or a function of design parameters."""
+        """A constant that differs within a kind: it is a number, or a function of design parameters."""
         variable = store.label.replace("#", "_")
         shared = self._shared(kind, store)
         data = shared.data.get(name)
@@ -279,7 +279,7 @@ class SystemAddresses(Addresses):
         return self.layout.constant_offsets[index] if self.numbered else index
 
     def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
-        """Number to report if the j-th pivot is zero: of a link, loop or force element, counted in this order."""
+        """The number that is reported if the j-th pivot is zero; links come first, then loops, then force elements."""
         assert isinstance(kind, UnitKind)
         regions, links = self.system.regions, len(self.system.links)
         if isinstance(kind, RegionKind):

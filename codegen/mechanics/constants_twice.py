@@ -1,4 +1,4 @@
-"""Second derivatives of constants by design parameters."""
+"""Second derivatives of constants with respect to design parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .stores import PARAMETER
 
 
 def differentiate_twice(shape: Shape) -> None:
-    """Add the second derivatives of constants by design parameters, with keys such as ``m/0/1``."""
+    """Adds the second derivatives of constants with respect to design parameters, with keys such as ``m/0/1``."""
     x = Expansion(shape.block.name, shape.block.title, lambda a, f: True).resume(shape.block)
     first = [(n, e) for _, n, e in shape.block.stores if "/" in n]
     parameters = [x.component(PARAMETER, str(k)) for k in range(shape.parameters)]

@@ -24,7 +24,7 @@ Coupled = LinkKind | RegionKind
 
 
 def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
-    """The record (or slot, for `lanes`) of a partner; a partner that carries the unit is its parent or base."""
+    """The record (or slot, for `lanes`) of a partner; the partner that carries the unit is its parent or base."""
     if m in (kind.partners.base, CARRIER):
         record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
         return slot if lanes else record
@@ -32,12 +32,12 @@ def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
 
 
 def others(kind: Coupled) -> list[int]:
-    """Partners other than the link that carries the unit."""
+    """All partners except the link that carries the unit."""
     return [m for m in range(len(kind.partners.links)) if m != kind.partners.base]
 
 
 def add_couplings(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
-    """Add contributions to the couplings of the remaining links; `block` gives the 6x6 block of two links, rows first."""
+    """Adds contributions to the couplings of the remaining links; `block` returns the 6x6 block of two links."""
     for n, pair in enumerate(kind.partners.contributions):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
@@ -48,7 +48,7 @@ def add_partner_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
 
 
 def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
-    """Add a symmetric 6x6 inertia to a link's articulated inertia; the `first` contribution assigns it."""
+    """Adds a symmetric 6x6 inertia to the articulated inertia of a link; the `first` contribution is assigned."""
     inertia = fields.articulated
     for J, M, (i, j) in zip(inertia.J.scalars(), inertia.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
@@ -58,7 +58,7 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def clear_scales(x: Scope, store: Store, first: bool) -> None:
-    """On the `first` contribution, set the sizes that pivots are compared with to zero; units other than links add none."""
+    """Sets the reference magnitudes of pivots to zero on the `first` contribution; other units than links add none."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)
@@ -72,7 +72,7 @@ def add_partner_force(
 
 
 def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector:
-    """The explicit part of a partner's acceleration, along the partner's axes."""
+    """The part of a partner's acceleration that does not depend on udot, along the partner's axes."""
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 
@@ -80,11 +80,11 @@ def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector
 
 
 def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> Vector:
-    """Six components along the base's axes, rotated into the far link's axes."""
+    """Six components along the base's axes, converted to the far link's axes."""
     return [x.let("far", e, tag, lanes=lanes) for e in turned(transpose(W), v)]
 
 
 def to_base(x: Scope, o: Vector, v: Vector, tag: str, lanes: bool = False) -> Vector:
-    """Moment and force at a point o, as moment about the base's origin and force."""
+    """A moment and a force at a point o, as a moment about the base's origin and a force."""
     moved = add(v[:3], cross(o, v[3:]))
     return [x.let("at_base", e, tag, lanes=lanes) for e in moved] + list(v[3:])

@@ -37,7 +37,7 @@ margin, like all margins in `mechanics`, is for double precision."""
 
 
 class ZeroPivotError(ValueError):
-    """Raised if nothing outboard of a joint can have inertia about it."""
+    """Raised if no body outboard of a joint has inertia about it."""
 
     def __init__(self, kind: LinkKind | RegionKind):
         super().__init__("nothing outboard of the joint has inertia about it")

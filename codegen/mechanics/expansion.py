@@ -84,7 +84,7 @@ class FieldUse:
         self._written: dict[AnyField, tuple[str, dict[Component, None]]] = {}
 
     def note(self, sweep: Sweep, x: Expansion) -> None:
-        """Record what a block stores and loads, tangents included."""
+        """Records what a block loads and stores, including tangents."""
         self._read.update(name for _, name in x.block.loads.values())
         self._families.update(entry.family for entry in x.reads.values())
         for store, name, value in x.block.stores:
@@ -159,7 +159,7 @@ def expand(
 def _expand(
     program: Program, patterns: Patterns, chosen: list[Sweep], wanted: set[str], progress: Progress, whole: bool
 ) -> list[Sweep]:
-    """Write all blocks; returns the sweeps whose blocks follow from those of others (`second_order`)."""
+    """Writes all blocks; returns the sweeps whose blocks are derived from those of other sweeps (`second_order`)."""
     system = program.system
     field_use = FieldUse(program.read_outside)
     originals: dict[str, dict[int, Original]] = {
@@ -273,7 +273,7 @@ def _links(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> list[_L
 
 
 def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
-    """Places on which some result depends; operands of values with two expressions are not followed."""
+    """Places on which some result depends; for values with two expressions, operands are not followed."""
     needed: set[Place] = set(program.read_outside)
     before = -1
     read: dict[int, frozenset[int]] = {}
@@ -302,7 +302,7 @@ def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) 
 
 
 def _choose(program: Program, linked: list[_Links]) -> None:
-    """For values with two expressions, choose the first if all its operands are needed anyway and the second is not cheaper."""
+    """For a value with two expressions, chooses the first if its operands are needed anyway and it costs no more."""
     if not any(of.block.otherwise for of in linked):
         return
     needed = _needed(program, linked)
@@ -323,7 +323,8 @@ def _choose(program: Program, linked: list[_Links]) -> None:
 
 
 def _drop_unread(program: Program, linked: list[_Links]) -> None:
-    """Remove statements on which no result depends, across blocks: a store is needed if a needed statement loads it."""
+    """Removes statements on which no result depends, across blocks; a store is needed if a needed statement loads
+    it."""
     needed = _needed(program, linked)
     for of in linked:
         of.block.stores = [

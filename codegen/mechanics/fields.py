@@ -49,7 +49,7 @@ class MotionFields:
     B: MatrixField
 
     def __call__(self, *numbers: int) -> MotionFields:
-        """The fields of one member of a numbered family."""
+        """The fields of one member of a numbered family of fields."""
         return MotionFields(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
@@ -74,7 +74,7 @@ def _inertia(prefix: str, frame: str, meaning: str, propagated: bool) -> Inertia
 def _motion(
     w: VectorField, prefix: str, frame: str, how: str, turning: str = "", unread: str = "", of: str = " of the origin"
 ) -> MotionFields:
-    """Fields of motion whose meaning ends with `how`, or for B with `turning`."""
+    """Fields of motion, described by a text that ends with `how`, or with `turning` for B."""
     return MotionFields(
         w,
         VectorField(f"{prefix}al", "rad/s^2", frame, f"angular acceleration{how}", unread=unread),

@@ -31,7 +31,7 @@ MOST_OPERANDS = 24
 
 
 def has_derivative(store: Store) -> bool:
-    """Whether a store of formulas has tangents: numbers and modes of switches have none."""
+    """Whether a store of formulas has tangents; numbers and modes of switches have none."""
     return store is not NUMBER and store.name != MODES.name
 
 
@@ -58,7 +58,7 @@ class FormulaSlots:
                 self._places[name] = (category, i)
 
     def clear(self) -> None:
-        """Prepare for the slots and numbers of the next formula."""
+        """Empties the slots and numbers for the next formula."""
         self.slots, self.numbers = {}, []
 
     def convert(self, tree: Tree) -> Tree:
@@ -66,7 +66,8 @@ class FormulaSlots:
         return to_slots(tree, self.numbers, self._slot)
 
     def row(self, index: int, links: tuple[int, ...]) -> Row:
-        """The row of a formula that writes an entry of its target, with the slots and numbers found since `clear`."""
+        """The row of a formula that writes an entry of its target, with the slots and numbers found since the last
+        `clear`."""
         return index, links, [i for _, i in self.slots], list(self.numbers)
 
     def _slot(self, name: str) -> Tree:
@@ -146,7 +147,7 @@ def has_values(block: Block) -> bool:
 
 
 def leaf_of(x: Expansion) -> Leaf:
-    """Gives the symbols of a formula's numbered slots and names."""
+    """The function that returns the symbols of a formula's numbered slots and names."""
     return lambda node: x.entry(*((NUMBER, node[1]) if node[0] == "slot" else (argument(node[1]), node[2])))
 
 

@@ -93,7 +93,7 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
 
 
 def _saved(kind: UnitKind, i: int) -> Component:
-    """Memory per direction in which the outward block of a kind saves a value for the inward one."""
+    """Memory per direction in which the outward block of a kind saves a value for the inward block."""
     store = LREGION if isinstance(kind, RegionKind) else MY_LANE[0] if isinstance(kind, EarKind) else MY_LANE
     return store, f"saved.{i}"
 
@@ -133,7 +133,8 @@ class _Unit:
     def run(
         self, name: str, title: str, parts: list[Block], propagated: _Propagated | None, first: bool = False
     ) -> Block:
-        """One block from several; `first`: the block runs before units that contribute to the lanes of its links."""
+        """One block that joins several; with `first`, it runs before units that contribute to the lanes of its
+        links."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:
@@ -219,7 +220,7 @@ class _Propagated:
         self.all = self.assigned == gives.keys()
 
     def links(self, k: int, store: Store) -> list[int]:
-        """The links whose memory a store accesses, for the units of a kind."""
+        """The links whose memory a store accesses, for all units of a kind."""
         if (k, store) not in self._links:
             self._links[k, store] = owner_links(self.system, self.kinds[k], store, of_units=True)
         return self._links[k, store]
@@ -240,5 +241,5 @@ class _Propagated:
         return {givers[g] for g in count}, set(earliest)
 
     def fresh(self, kind: UnitKind, store: Store, name: str) -> bool:
-        """Whether a component is still empty when a unit of that kind begins."""
+        """Whether a component is still empty when the block of a unit of that kind begins."""
         return (name, kind.index, store) in self._fresh

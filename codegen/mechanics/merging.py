@@ -30,14 +30,14 @@ LONGEST, LONGEST_ALONG = 1000, 300
 limit is for sweeps over directions: only in short loops do values common to all directions stay in registers."""
 
 OF_LINKS = RECORD, KEPT[RECORD], SLOT
-"""Memory that the ground has as well as links."""
+"""Memory that the ground also has."""
 
 GRAVITY = argument("gravity")
-"""Minus the acceleration of gravity; functions of single links read this from the record of the ground."""
+"""Minus the acceleration of gravity, which functions of single links read from the record of the ground."""
 
 
 def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
-    """The plan of a program with sweeps merged where possible, and without memory that is no longer needed."""
+    """The plan of a program after merging sweeps where possible and removing memory that is no longer needed."""
     addresses = SystemAddresses(program, SystemLayout(program), True)
     called = {s.then for s in SWEEP.values()}
     found = {}
@@ -69,7 +69,7 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
 
 
 def _base(sweep: str) -> str:
-    """The sweep of which this one is the transpose, or the sweep itself."""
+    """The sweep of which the given sweep is the transpose; otherwise the given sweep."""
     return sweep.removesuffix(transpose_name(""))
 
 

@@ -23,17 +23,17 @@ from .sweeps import FALLING, INWARD, Sweep
 
 GROUND_KIND = -1
 MemoryKey = tuple[Memory, str]
-"""A sort of memory and, for slots, the sweep that uses them; the sweep is "" for memory that outlives sweeps."""
+"""A type of memory and, for slots, the sweep that uses it; the sweep is "" for memory that all sweeps share."""
 
 KindKey = int | tuple[int, int]
-"""Index of a kind. For a coupling: the kind of the unit that the coupling ends with, and its number in this unit."""
+"""Index of a kind. A coupling has the kind of the unit at which it ends, and its number in that unit."""
 
 Place = tuple[MemoryKey, KindKey, str]
 """A component of the memory of a kind."""
 
 
 class Reach:
-    """The memory, by sort and kind, that a store accesses in the blocks of a kind."""
+    """The memory, by type and kind, that a store accesses in the blocks of a kind."""
 
     def __init__(self, system: System):
         self.system = system
@@ -59,7 +59,7 @@ class Reach:
                 self._regions.setdefault(kind.index, set()).add(of_region[number])
 
     def of(self, kind: UnitKind, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[KindKey]] | None:
-        """Memory and kinds; None for memory without a layout."""
+        """The types of memory and the kinds; None for memory without a layout."""
         key = kind, sweep.name, store
         if key not in self._found:
             if store.memory in LAID_OUT:
@@ -88,7 +88,7 @@ class Reach:
 
 @dataclass(slots=True)
 class _Run:
-    """A run of a block on patterns: its time, the memory that it reads, and where it stores zeros."""
+    """The record of a run of a block on patterns: its time, the memory that it read, and where it stored zeros."""
 
     block: StructuralExpansion
     at: int
@@ -129,7 +129,7 @@ class Patterns:
                     self.of((SLOT, sweep), GROUND_KIND)[name] = None
 
     def of(self, memory: MemoryKey, kind: KindKey) -> dict[str, int | None]:
-        """Fields that can differ from zero; the value is 1 or -1 if the field always has it, otherwise None."""
+        """Fields that can differ from zero, each with its constant value 1 or -1, or None if it varies."""
         return self.nonzero.setdefault((memory, kind), {})
 
     def is_nonzero(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> bool:
@@ -188,7 +188,7 @@ class Patterns:
             self.check_loads(sweep, kind, self._runs[kind].block)
 
     def _settle(self, sweep: Sweep, kind: UnitKind) -> bool:
-        """Run the code of a block on patterns if its inputs have changed; returns whether other blocks must run."""
+        """Runs a block on patterns if its inputs have changed; returns whether other blocks must run again."""
         run = self._runs.get(kind)
         if run is not None and all(self._changes.get(place, 0) <= run.at for place in run.reads):
             return False
@@ -234,7 +234,7 @@ class Patterns:
         return _Run(x, at, reads)
 
     def _note(self, memory: MemoryKey, kind: KindKey) -> None:
-        """Note that memory has changed which other blocks read."""
+        """Records that memory read by other blocks has changed."""
         self._clock += 1
         self._changes[memory, kind] = self._clock
 
@@ -255,7 +255,7 @@ class Patterns:
                     raise FieldError(f"{sweep.title}: {store}.{name} is loaded, and no block stores it")
 
     def _forget(self, sweep: Sweep, memory: MemoryKey, kind: KindKey, name: str) -> bool:
-        """Note that a field is not the same number in every state."""
+        """Records that a field does not have the same value in every state."""
         self.of(memory, kind)[name] = None
         self._note(memory, kind)
         self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name

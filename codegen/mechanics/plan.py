@@ -86,7 +86,7 @@ def unit_name(system: System, kind: Kind, member: int) -> str:
 
 
 def _ground(program: Program) -> Ground:
-    """The ground, at rest and accelerating by -g, and its tangent where gravity depends on parameters."""
+    """The ground's record: at rest, with acceleration -g; and its tangent if gravity depends on parameters."""
     g, of_gravity = program.system.gravity, program.system.fields_of_gravity
     fields: dict[str, float | str] = {
         name: of_gravity.get(name, float(name.endswith(("W.xx", "W.yy", "W.zz"))))
@@ -114,7 +114,7 @@ def _ground(program: Program) -> Ground:
 
 
 def _derivatives(system: System, g: Constants, name: str) -> list[tuple[float | str, int]]:
-    """The derivatives of a constant of gravity that are not zero, as numbers or constants, each with its parameter."""
+    """The nonzero derivatives of a component of gravity, each as a number or constant with its parameter."""
     shape = g.shape
     places = {n: k for k, n in enumerate(system.model.parameter_names)}
     terms: list[tuple[float | str, int]] = []
@@ -128,7 +128,7 @@ def _derivatives(system: System, g: Constants, name: str) -> list[tuple[float | 
 
 
 def read_of_ground(program: Program, memory: Memory) -> set[str]:
-    """Components that sweeps may read of the ground's record, or of its kept record."""
+    """Components of the ground's record, or of its kept record, that sweeps may read."""
     found = {n for merged in program.merged.values() for m, n in merged.ground if m is memory}
     for sweep in program.blocks.keys() - program.merged.keys():
         loads = [at for block in program.blocks[sweep].values() for at in block.loads.values()]

@@ -28,11 +28,12 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half the angle of a rotation, below which the rotation counts as half a turn."""
+"""Squared cosine of half a rotation's angle below which the rotation counts as half a turn."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
-    """``1 / sqrt(value)`` for the square of a cosine, and a flag: 1 if the square is rounded to zero (half a turn), else 0."""
+    """``1 / sqrt(value)`` for the square of a cosine, and a flag that is 1 if the square is zero to rounding (half a
+    turn)."""
     square = x.let("square", value, "Eq. 32")
     half = x.let("half", x.call("at_least", x.number(limits().rounding(HALF_TURN)), square), "Eq. 32")
     under = x.let("under", square + half, "Eq. 32")
@@ -186,7 +187,8 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """Unit of each column, in the order of the factor; the units make displacements and rows multiples of the length."""
+    """The unit of each column, in the order of the factor; with it, displacements and rows are multiples of the
+    length."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]

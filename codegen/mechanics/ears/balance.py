@@ -265,7 +265,8 @@ def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Ve
 
 
 def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
-    """The loops' multipliers, with which dependent joints transmit only their own force along their columns. Eqs. 9, 53."""
+    """The loops' multipliers for which each dependent joint transmits only its own force along its columns. Eqs. 9,
+    53."""
     # forces that the joints would transmit without the loops' wrenches
     held = transmitted(x, ear, phi)
     gamma = [

@@ -44,7 +44,7 @@ from .region_balance import transmitted_fields
 
 
 def forces_from_outboard(x: Scope, kind: EarKind, needed: bool) -> list[Vector]:
-    """For each link of an ear, contributions of other links to the force on it, and what the link itself requires if `needed`."""
+    """For each link of an ear, the force on it from other links, and its own required force if `needed`."""
     found: list[Vector] = []
     for k in range(len(kind.links)):
         parts = [(MY_LANE[k], fields.needed)] if needed else []
@@ -57,7 +57,7 @@ def forces_from_outboard(x: Scope, kind: EarKind, needed: bool) -> list[Vector]:
 
 
 def propagate(x: Scope, ear: EarGeometry, force: list[Vector]) -> list[RootForce]:
-    """Propagate forces inward through an ear, in place; returns the forces on the roots. Eq. 45."""
+    """Propagates forces inward through an ear, in place, and returns the forces on the roots. Eq. 45."""
     on_roots: list[RootForce] = []
     for k in reversed(range(len(force))):
         member = ear.members[k]
@@ -92,7 +92,7 @@ def clear_sums(x: Scope, kind: RegionKind) -> None:
 
 
 def link_multipliers(x: Scope, kind: LinkKind) -> None:
-    """Inward block of a link: propagate the forces of outboard loops."""
+    """Inward block of a link: propagates the forces of outboard loops to the parent."""
     for m in others(kind):
         if kind.partners.first[m]:
             add_partner_force(x, kind, m, [0] * 6, lanes=True)
@@ -102,7 +102,7 @@ def link_multipliers(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_multipliers(x: Scope, kind: EarKind) -> None:
-    """Inward block of an ear: multipliers for given forces along its dependent degrees of freedom. Eq. 9."""
+    """Inward block of an ear: multipliers for given forces along the dependent degrees of freedom. Eq. 9."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     force = forces_from_outboard(x, kind, False)
@@ -118,7 +118,7 @@ def ear_multipliers(x: Scope, kind: EarKind) -> None:
 
 
 def region_multipliers(x: Scope, kind: RegionKind) -> None:
-    """Inward block of a region: add its forces to the links on which it hangs."""
+    """Inward block of a region: adds the region's forces to the links that carry it."""
     sums = {m: f for f, m in enumerate(kind.far) if m >= 0}
     for m in others(kind):
         force: Vector = x.load(LREGION, fields.far_balance(sums[m])) if m in sums else [0] * 6
@@ -145,7 +145,8 @@ def _store_needed(x: Scope, A: Vector) -> None:
 
 
 def ear_response(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: dependent accelerations with the sources at rest, and required forces. Eqs. 19, 23, 31."""
+    """Outward block of an ear: required forces and dependent accelerations, with the sources at rest. Eqs. 19, 23,
+    31."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     before = [of_root(x, root) for root in ear.roots]
@@ -198,7 +199,8 @@ def link_solution(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_solution(x: Scope, kind: EarKind) -> None:
-    """Inward block of an ear: residuals of the forces along its joints, projected onto the sources. Eqs. 45, 53."""
+    """Inward block of an ear: residuals of the forces along the ear's joints, projected onto the sources. Eqs. 45,
+    53."""
     ear = EarGeometry(x, kind)
     force = forces_from_outboard(x, kind, True)
     on_roots = propagate(x, ear, force)

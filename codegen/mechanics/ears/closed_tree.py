@@ -26,7 +26,7 @@ from .roots import roots_of
 
 
 class GroundGeometry(EarGeometry):
-    """Geometry of an ear along the axes of the ground, from the positions and attitudes of links."""
+    """Geometry of an ear along the ground's axes, from positions and attitudes of links."""
 
     def __init__(self, x: Scope, kind: EarKind):
         self.shares = "held"
@@ -85,7 +85,7 @@ class GroundGeometry(EarGeometry):
         return rows
 
     def _along_base(self, row: Condition) -> bool:
-        """Whether a condition's direction is an axis of the region's base, not one of a face."""
+        """Whether a condition's direction is an axis of the region's base; otherwise it is an axis of a face."""
         closure = self.kind.closures[row.loop]
         if closure.is_coupling or closure.surfaces or closure.gaps:
             return False
@@ -101,7 +101,7 @@ def numbered(rows: list[Condition]) -> Iterator[tuple[int, int]]:
 
 
 def multipliers(x: Scope, rows: list[Condition], store: Store = MULTIPLIER) -> Vector:
-    """Multipliers of the conditions, or other numbers that belong to them."""
+    """Multipliers of the conditions, or other numbers with one entry per condition."""
     return [x.entry(store[c], i) for c, i in numbered(rows)]
 
 
@@ -128,7 +128,7 @@ def wrenches(x: Scope, kind: EarKind) -> None:
 
 
 def gaps(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: values of the conditions in position. Eq. 32."""
+    """Outward block of an ear: residuals of the conditions in position. Eq. 32."""
     ear = GroundGeometry(x, kind)
     rows = ear.conditions()
     for (c, i), row in zip(numbered(rows), rows, strict=True):
@@ -136,7 +136,7 @@ def gaps(x: Scope, kind: EarKind) -> None:
 
 
 def _gap(ear: GroundGeometry, row: Condition) -> Value:
-    """Value of one condition in position."""
+    """The residual of one condition in position."""
     c = row.loop
     closure = ear.kind.closures[c]
     if closure.is_coupling:
@@ -157,7 +157,7 @@ def _gap(ear: GroundGeometry, row: Condition) -> Value:
 
 
 def rate_gaps(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: values of the conditions in velocity. Eq. 30."""
+    """Outward block of an ear: residuals of the conditions in velocity. Eq. 30."""
     ear = GroundGeometry(x, kind)
     rows = ear.conditions()
     if not rows:
@@ -169,7 +169,7 @@ def rate_gaps(x: Scope, kind: EarKind) -> None:
 
 
 def acceleration_gaps(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: values of the conditions in acceleration. Eq. 31."""
+    """Outward block of an ear: residuals of the conditions in acceleration. Eq. 31."""
     ear = GroundGeometry(x, kind)
     rows = ear.conditions()
     if not rows:

@@ -44,7 +44,7 @@ def _of_unit(own: tuple[int, int] | None, k: int, j: int) -> int:
 
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
-    """Outward block of an ear (see the module); returns the form of the factor for the blocks that load it."""
+    """Outward block of an ear, described in the module; returns the factor's form for blocks that load the factor."""
     ear = EarGeometry(x, kind, fresh=True)
     tag = "Eq. 34"
     rows = counted_conditions(ear)
@@ -155,7 +155,7 @@ def root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def named_root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots as separate symbols, even if they are copies: their tangents are known."""
+    """Velocities of the roots as separate symbols, also of copies, because their tangents are known."""
     found = []
     for twist in root_velocities(ear):
         named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]
@@ -164,7 +164,7 @@ def named_root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:
-    """The speed that a source represents."""
+    """The speed that corresponds to a source."""
     if own is not None:
         k, j = own
         return kind.links[k].joint(MemberView(x, k), kind.links[k]).speed(j)

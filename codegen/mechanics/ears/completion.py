@@ -69,7 +69,7 @@ def undisplaced(x: Scope, *stores: Store) -> None:
 
 
 def parameter_displacement(x: Scope, kind: LinkKind, joint: LinkJoint) -> tuple[Vector, Vector]:
-    """Displacement and rotation vector of the joint in its parent due to design parameters, along the parent's axes."""
+    """Displacement and rotation vector of the joint in its parent due to parameters, along the parent's axes."""
     local: Vector = [0, 0, 0]
     about: Vector = [0, 0, 0]
     way, tag = joint.way(), "d Eq. 22"
@@ -111,7 +111,8 @@ def complete(x: Scope, kind: EarKind) -> None:
 def complete_positions(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]
 ) -> dict[tuple[int, int], Value]:
-    """Displacements of the ear's links, added to `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
+    """Displacements of the ear's links, stored in `angles` and `moved`, and dq of dependent joints by link and
+    coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
     for k, member in enumerate(ear.members):
         view = member.view
@@ -242,7 +243,7 @@ def dependent_displacements(
 def cut_displacements(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], complete: bool
 ) -> list[Twist]:
-    """Displacements of end faces relative to start faces; for complete seeds including those by dependent joints."""
+    """Displacements of end faces relative to start faces; for complete seeds, dependent joints contribute to them."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
@@ -269,7 +270,7 @@ def cut_displacements(
 
 
 def with_parameters(x: Scope, row: Condition, value: Value) -> Value:
-    """Value of a condition for a displacement, including the change of its equation with parameters."""
+    """The residual of a condition due to a displacement and to the change of the condition with parameters."""
     if row.surface is None:
         return value
     return x.let("b", value + row.share * row.surface.by_parameters(), "d Eq. 30", lanes=True)

@@ -49,7 +49,7 @@ class Condition:
 
     @property
     def gap(self) -> Value:
-        """Residual of a condition on a point, times its factor."""
+        """The residual of a condition on a point, multiplied by its factor."""
         assert self.surface is not None
         return self.surface.x.let("gap", self.share * self.surface.value, "Eq. 32")
 
@@ -66,7 +66,7 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
 
 
 def kept_conditions(ear: EarGeometry) -> list[Condition]:
-    """The conditions that can be nonzero, without dropped ones, as determined by the block of the closures."""
+    """Conditions that can be nonzero, as the block of the closures found them, without dropped conditions."""
     kept = ear.kind.form.rows
     rows = counted_conditions(ear) if kept else []
     return [rows[i] for i in kept]
@@ -108,7 +108,7 @@ def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Conditio
 
 
 def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions that a joint constrains: all three, two across its axis, one along its axis, or none, by `count`."""
+    """Directions that a joint constrains, by `count`: all three, two across its axis, the axis, or none."""
     if count == 3:
         return every
     if count == 2:
@@ -117,7 +117,7 @@ def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> l
 
 
 def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
-    """Directions about which a joint does not rotate; of a universal joint, the normal to its two axes."""
+    """Directions about which a joint cannot rotate; for a universal joint, the normal to its two axes."""
     closure = ear.kind.closures[c]
     if closure.holds.angular != 1:
         return held(closure.holds.angular, closure.axis, columns, every)

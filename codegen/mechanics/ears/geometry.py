@@ -131,7 +131,7 @@ class EarGeometry:
 
     @property
     def slides(self) -> bool:
-        """Whether the displacement between the faces of some loop is needed."""
+        """Whether the displacement between the faces of any loop is needed."""
         return any(c.slides for c in self.kind.closures)
 
     @cached_property
@@ -179,7 +179,7 @@ class EarGeometry:
     def step(
         self, before: Twist, member: Member, coefficients: Vector, name: str, tag: str, lanes: bool = False
     ) -> Twist:
-        """The motion of a link from its parent's, with the given rates of the joint's degrees of freedom."""
+        """The motion of a link from that of its parent, with the given rates of the joint's degrees of freedom."""
         angular, linear = before.angular, before.at(member.rho)
         turning, sliding = joint_motion(member.freedoms, coefficients)
         angular = angular if turning is None else add(angular, turning)
@@ -267,7 +267,8 @@ class EarGeometry:
         return found
 
     def root_difference(self, roots: list[Twist]) -> list[Twist]:
-        """Contribution of the motion of the roots to that at every cut, with all joints of the ear locked."""
+        """Contribution of the motion of the roots to the relative motion at every cut, with all joints of the ear
+        locked."""
         found = []
         for c, closure in enumerate(self.kind.closures):
             start, end = (

@@ -53,7 +53,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
 
 
 def _axis_of_symmetry(J: Matrix) -> int | None:
-    """The axis of symmetry of a diagonal inertia: the other two moments are the same constant."""
+    """The axis of symmetry of a diagonal inertia, if the moments about the other two axes are the same constant."""
     if not all(is_zero(J[i][j]) for i, j in ((0, 1), (0, 2), (1, 2))):
         return None
     for axis in range(3):
@@ -79,7 +79,7 @@ def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tu
 
 
 def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
-    """Motion of a link from its parent's; `extra`: the joint's udot, by default zero or as prescribed."""
+    """The motion of a link from that of its parent; `extra` is the joint's udot, by default zero or as prescribed."""
     speeds = member.speeds
     turning, _ = joint_motion(member.freedoms, speeds)
     w = x.let_vector("w", add(before.w, turning or ZERO), "Eq. 18")
@@ -145,7 +145,7 @@ def store_motions(x: Scope, ear: EarGeometry, motions: list[Motion], total: bool
 
 
 def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vector:
-    """The force that a link requires minus the force of force elements on it, along region axes."""
+    """The force that a link requires minus the force of its force elements, along region axes."""
     if not ear.kind.links[k].pulled:
         return needed
     acting = turned(ear.members[k].W, x.load(ME[k], fields.external))
@@ -153,7 +153,7 @@ def less_external_of(x: Scope, ear: EarGeometry, k: int, needed: Vector) -> Vect
 
 
 def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool) -> None:
-    """Store a link's motion along its own axes, for the links that it carries."""
+    """Stores the motion of a link along its own axes for its children."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (m.w, m.al, m.a))
     motion = fields.total if total else fields.remainder

@@ -20,11 +20,12 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Smallest ratio of a column's square after projection to its square before; at smaller ratios rank is lost."""
+"""Smallest ratio of a column's squared norm after projection to that before; below it, rank is lost."""
 
 
 class RankLossError(ValueError):
-    """The closure matrix of an ear has fewer independent columns than dependent speeds in every configuration."""
+    """Raised if the closure matrix of an ear has fewer independent columns than dependent speeds in every
+    configuration."""
 
 
 @dataclass(slots=True)

@@ -76,7 +76,8 @@ def needed(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_needed(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions of an ear: tangents of required forces. The balance has held the sources' udot only."""
+    """Outward block over directions of an ear: tangents of required forces; in the balance, the sources' udot was
+    constant."""
     ear = EarGeometry(x, kind)
     added: list[Vector] = []
     for k, member in enumerate(ear.members):
@@ -91,7 +92,7 @@ def ear_needed(x: Scope, kind: EarKind) -> None:
 
 
 def of_root(x: Scope, root: Root) -> Vector:
-    """Contribution of the change of udot to the acceleration of a root, along its own axes."""
+    """Contribution of a change of udot to the acceleration of a root, along its own axes."""
     if isinstance(root, Ground) or (isinstance(root, Frame) and not root.needs_force):
         return [0] * 6
     return x.load(LBASE if isinstance(root, Frame) else LROOTS[root.place], fields.explicit_acceleration)
@@ -237,7 +238,7 @@ def add_wrench_changes(
 
 
 def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
-    """Inward block over directions of a region: add its forces to the links on which it hangs."""
+    """Inward block over directions of a region: adds the region's forces to the links that carry it."""
     transmitted: dict[int, tuple[Vector, Vector]] = {m: ([0] * 6, [0] * 6) for m in others(kind)}
     for f, m in enumerate(kind.far):
         if m >= 0:  # the sum of the ears' forces on a far link is along that link's axes

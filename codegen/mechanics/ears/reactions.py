@@ -130,7 +130,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
 
 
 def region_transmitted(x: Scope, kind: RegionKind) -> None:
-    """Inward block of a region: add its forces to the links on which it hangs."""
+    """Inward block of a region: adds the region's forces to the links that carry it."""
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         if m >= 0:

@@ -60,7 +60,7 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
 
 
 def region_solution(x: Scope, kind: RegionKind) -> None:
-    """`region_balance_in` for a solution with given right sides: no forces are transmitted that change along directions."""
+    """`region_balance_in` for given right sides, where no transmitted force changes along directions."""
     g = eliminated_sources(x, kind)
     for m in others(kind):
         add_partner_force(x, kind, m, _of_partner(kind, g, m), lanes=True)

@@ -49,7 +49,7 @@ class Root(ABC):
     @property
     @abstractmethod
     def record(self) -> Store:
-        """The store that is the record of the root."""
+        """The store for the record of the root."""
 
     @property
     def needs_force(self) -> bool:
@@ -75,7 +75,7 @@ class Root(ABC):
     # -- relative to the base; by default a root is at rest ----------------------------------------------------------
 
     def twist(self, source: int) -> Twist:
-        """Twist of the root per unit of a source."""
+        """Twist of the root for a unit value of a source."""
         return Twist.zero()
 
     def measured_velocity(self) -> Twist:
@@ -124,7 +124,7 @@ class Root(ABC):
 
 
 class Frame(Root):
-    """The region's base. If it does not carry the region rigidly, the six components of its motion are sources."""
+    """The region's base. If the region is not rigidly attached to it, the six components of its motion are sources."""
 
     @property
     def record(self) -> Store:
@@ -269,7 +269,8 @@ class EarLink(Root):
 
 
 class FarLink(Root):
-    """A link, or the ground, that is resolved elsewhere: the six components of its motion relative to the base are sources."""
+    """A link, or the ground, that another unit resolves; the six components of its motion relative to the base are
+    sources."""
 
     @property
     def number(self) -> int:

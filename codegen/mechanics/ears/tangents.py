@@ -82,13 +82,13 @@ class EarTangents:
         """
 
     def give(self, v: Vector, tangents: Vector) -> None:
-        """Set given tangents of named values."""
+        """Sets the tangents of named values to given ones."""
 
     def turn_joints(self) -> None:
-        """Treat rotations from link to link as functions of the joints' sines, cosines and matrices."""
+        """Differentiates rotations from link to link as functions of the joints' sines, cosines and matrices."""
 
     def hold(self, v: Vector) -> None:
-        """Do not differentiate these values: other code sets their tangents, which are zero until then."""
+        """Excludes values from differentiation; other code sets their tangents, which are zero until then."""
 
 
 class WrittenTangents(EarTangents):
@@ -170,7 +170,7 @@ class WrittenTangents(EarTangents):
                     self.d.of[w] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
 
     def fixed_vectors(self) -> None:
-        """Tangents of link-fixed vectors, for those vectors that were written since the last call."""
+        """Tangents of vectors fixed to links, for the vectors that were added since the last call."""
         while self.fixed < len(self.ear.fixed):
             self._scan()
             v = self.ear.fixed[self.fixed]

@@ -113,7 +113,7 @@ def apply_inertia(x: Scope, J: Matrix, H: Matrix, M: Matrix, A: Vector, name: st
 
 
 def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
-    """Motions of a link of an ear per unit of each source, without the sources that do not move the link."""
+    """Motions of a link of an ear per unit of each source, for the sources that move the link."""
     found = {
         c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
         for c in range(kind.total)
@@ -159,7 +159,7 @@ def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value]
 
 
 def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
-    """Add a coupling of two links that the base carries to the base's inertia."""
+    """Adds the coupling of two links that belong rigidly to the base to the base's inertia."""
     half = transpose([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
     whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
     carried = fields.region_inertia
@@ -169,7 +169,7 @@ def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
 
 
 def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, force: Vector) -> None:
-    """Add a link's inertia and force, about the base's origin, to the inertia and force that the base carries."""
+    """Adds a link's inertia and force to those that the base carries, about the base's origin."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
     carried = fields.region_inertia
     for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):

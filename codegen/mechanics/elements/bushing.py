@@ -25,7 +25,7 @@ SMALLEST = 1e-60
 """Number added to the square of a sine before a division: far below rounding, but large enough that no quotient
 overflows."""
 NEARLY_HALF = 1e-12
-"""Smallest 1 + cos(angle): an angle within 1.4e-6 rad of half a turn leaves no accurate axis."""
+"""Smallest 1 + cos(angle) that determines the axis; the angle is then 1.4e-6 rad from half a turn."""
 
 
 class BushingLaw(Law):
@@ -122,7 +122,7 @@ class BushingLaw(Law):
 
     @staticmethod
     def _turn(e: Element) -> tuple[Vector, Value, Value, Value]:
-        """Of the rotation from start to end: sine times axis, cosine, square of the sine, and angle over sine."""
+        """The sine times the axis, the cosine, the squared sine, and angle/sine of the rotation from start to end."""
         start, end = e.ends
         half = e.x.half
         C = [e.vector("C", row) for row in matmul(transpose(start.axes), end.axes)]

@@ -27,7 +27,8 @@ from ..structure.constants import written
 from ..structure.element_kinds import ElementKind, end_name
 
 SHORTEST = 1e-100
-"""Shortest length, m, at which a line has a direction; below it, squares of quotients by the length could overflow."""
+"""Shortest length, m, at which a line has a direction; below it, the square of a quotient by the length can
+overflow."""
 
 
 def shortest() -> float:
@@ -114,7 +115,7 @@ class End:
 
     @cached_property
     def axes(self) -> Matrix:
-        """Base vectors of the face, as columns; the one with index `Element.axis` is the element's axis."""
+        """Base vectors of the face, as columns; column `Element.axis` is the element's axis."""
         F = self._e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name))
         return [[self._e.let("face", c) for c in row] for row in matmul(self.attitude, F)]
 
@@ -150,7 +151,7 @@ class Element:
         self.ends = [End(self, i) for i in range(len(kind.ends))]
 
     def let(self, name: str, value: Value) -> Value:
-        """Name an intermediate value."""
+        """Gives a name to an intermediate value."""
         return self.x.let(name, value, self._tag)
 
     def vector(self, name: str, v: Sequence[Value]) -> Vector:
@@ -163,7 +164,7 @@ class Element:
 
     @property
     def absent(self) -> dict[str, int]:
-        """Keys of the coefficients that are zero for the whole kind."""
+        """Keys of coefficients that are zero for every element of the kind."""
         return {
             key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=False) if form == ("number", 0)
         }
@@ -192,7 +193,7 @@ class Element:
 
     @property
     def turns_over(self) -> bool:
-        """Whether the attachment points move along one fixed line and may pass each other."""
+        """Whether the attachment points move on one fixed line and can pass each other."""
         return len(self.kind.forms) > len(self.kind.first.keys)
 
     @property
@@ -209,7 +210,8 @@ class Element:
         return [Number(v / size) if v else 0 for v in axis]
 
     def _signed(self, line: Vector) -> Value:
-        """Signed length of a line whose ends may pass each other; its components across the direction are rounding errors."""
+        """Signed length of a line whose ends can pass each other; components across its direction are rounding
+        errors."""
         return self.let("way", dot(line, self._direction))
 
     def along(self, line: Vector, length: Value) -> Vector:

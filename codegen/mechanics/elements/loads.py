@@ -80,7 +80,7 @@ def energy(x: Scope, kind: ElementKind) -> None:
 
 
 def _check(x: Scope, kind: ElementKind, what: str) -> None:
-    """Raise the model's error if the block contains numbers that are not finite in any state."""
+    """Raises the model's error if the block contains a number that is not finite in every state."""
     if isinstance(x, Expansion) and not has_values(x.block):
         raise kind.no_value(what)
 

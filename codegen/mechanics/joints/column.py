@@ -1,4 +1,4 @@
-"""Partial velocities of degrees of freedom: columns of six components, one of which is 1."""
+"""Partial velocities of degrees of freedom: columns of six components, of which one is 1."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Column:
         return total
 
     def squares_along(self, scales: Sequence[Value]) -> Value:
-        """``s . diag . s``, where the diagonal has one number for angular and one for linear components."""
+        """``s . diag . s``; the diagonal holds one number for angular and one for linear components."""
         total = scales[self.lead // 3]
         for i, s in self.others.items():
             total = total + s * s * scales[i // 3]

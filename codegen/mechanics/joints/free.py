@@ -12,7 +12,7 @@ from .quaternion import QuaternionJoint
 
 
 class Free(QuaternionJoint):
-    """A free joint: position, then quaternion; the linear speeds, the last three, are along the link's axes."""
+    """A free joint: a position, then a quaternion; the last three speeds are linear, along the link's axes."""
 
     motion = (Displacement(coordinate=0, speed=3), Ball(coordinate=3, speed=0))
     freedoms, coordinates, quaternion, swings = 6, 7, 3, True

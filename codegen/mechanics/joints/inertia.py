@@ -36,7 +36,7 @@ def shift_inertia(x: Scope, r: Vector, J: Matrix, H: Matrix, M: Matrix, tag: str
 
 
 def matmul_named(x: Scope, a: Matrix, b: Matrix, name: str, tag: str) -> Matrix:
-    """A matrix product whose terms are named one by one, so that equal terms of a symmetric result are computed once."""
+    """A matrix product whose terms have names, so that equal terms of a symmetric result are computed once."""
     out: Matrix = []
     for row in a:
         line = []

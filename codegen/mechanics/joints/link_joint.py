@@ -167,7 +167,7 @@ class LinkJoint(ABC):
     # -- vectors and inertias --------------------------------------------------------------------------------------
 
     def to_child(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components in the link's frame of a vector given in its parent's."""
+        """Components along the link's axes of a vector given along the parent's axes."""
         v = [self._let(f"{name}_p{i}", v[k], tag) for k, i in enumerate(XYZ)]
         if self.fixed is not None:
             v = matvec(transpose(self.fixed), v)
@@ -175,7 +175,7 @@ class LinkJoint(ABC):
         return self._behind(v, name, tag)
 
     def to_parent(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components in the parent's frame of a vector given in the link's."""
+        """Components along the parent's axes of a vector given along the link's axes."""
         v = [self._let(f"{name}_c{i}", v[k], tag) for k, i in enumerate(XYZ)]
         v = self._before(v, name, tag)
         if self.fixed is not None:
@@ -199,7 +199,8 @@ class LinkJoint(ABC):
         return v
 
     def _inertia_before(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-        """Blocks of an inertia, given on the link's side of the joint, along the axes of the parent's side."""
+        """Blocks of an inertia along the axes on the parent's side of the joint, given along those on the link's
+        side."""
         return J, H, M
 
     # -- motion ----------------------------------------------------------------------------------------------------
@@ -210,7 +211,7 @@ class LinkJoint(ABC):
 
     @abstractmethod
     def sliding(self, carried: Vector) -> Vector:
-        """Velocity of the link's origin; `carried` is its velocity with the joint locked. Along the link's axes. Eq. 18."""
+        """Velocity of the link's origin along its axes; `carried` is this velocity with the joint locked. Eq. 18."""
 
     @abstractmethod
     def bias(self, carried: Vector) -> tuple[Vector, Vector]:
@@ -240,11 +241,11 @@ class LinkJoint(ABC):
         """Rotation vector and displacement due to the joint's own dq, along the link's axes."""
 
     def along_freedom(self, j: int) -> Value:
-        """Displacement along one degree of freedom due to dq."""
+        """Displacement along one degree of freedom due to dq of the joint."""
         return self.x.entry(DQ, j)
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        """Changes of coordinates due to displacements along some degrees of freedom; other coordinates are left out."""
+        """Changes of coordinates due to displacements along degrees of freedom; unaffected coordinates are left out."""
         return dict(found)
 
     # -- differentiation -------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Joints that rotate about an axis and slide along it in proportion."""
+"""Joints that rotate about an axis and slide along it in a fixed ratio."""
 
 from __future__ import annotations
 

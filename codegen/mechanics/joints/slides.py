@@ -11,7 +11,8 @@ from .link_joint import LinkJoint
 
 
 class Slides(LinkJoint):
-    """A joint that slides along the two directions normal to the link's axis: the first link of a planar joint."""
+    """A joint with displacements along the two directions normal to the link's axis: the first link of a planar
+    joint."""
 
     motion = (Slide(axis=1, index=0), Slide(axis=2, index=1))
     freedoms, coordinates = 2, 2

@@ -1,4 +1,4 @@
-"""Accelerations of links relative to the ground, without gravity, once udot is known; for trees and loops alike."""
+"""Accelerations of links relative to the ground, without gravity, computed from udot; for trees and for loops."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..tree.tangents import store_motion
 
 
 def accelerations(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link: accelerations as in `inverse_dynamics`, with the ground at rest. Eqs. 18-21."""
+    """Outward block of a link: accelerations as in `inverse_dynamics`, but with the ground at rest. Eqs. 18-21."""
     joint = kind.joint(x, kind)
     motion = fields.moving
     carried, w = angular_velocity(x, joint)

@@ -10,7 +10,7 @@ from .records import Records
 
 
 def angular_velocity(records: Records, output: Output) -> Value:
-    """``n . W w`` for an axis of the ground; an axis of the body is rotated into the axes of its link, where w is known."""
+    """``n . W w``; an axis of the body is first rotated into the axes of its link, along which w is given."""
     (body,) = output.bodies
     (frame,) = output.choice
     n = records.direction(output.axis)

@@ -1,4 +1,4 @@
-"""Centre of mass: of the system, from sums over the links; of some bodies, from the records of their links."""
+"""Centre of mass of the system, from sums over the links, or of some bodies, from the records of their links."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def mass_properties(output: Output, system: System) -> Sequence[Expression]:
 
 
 def center(records: Records, bodies: Sequence[int], mass: Value, moment: Vector) -> Vector:
-    """Centre of mass of the listed bodies together with other bodies, whose total mass and first moment are given."""
+    """Centre of mass of the listed bodies and of other bodies with a given total mass and first moment."""
     let = records.x.let
     for k in bodies:
         body = records.system.model.bodies[k]
@@ -51,7 +51,7 @@ def center_of_mass(records: Records, output: Output) -> Value:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """Names of the sums over all links that the output reads; none if it is for some bodies only."""
+    """Names of the sums over all links that the output reads; none if the output is about selected bodies."""
     return () if output.bodies else ("masses",)
 
 

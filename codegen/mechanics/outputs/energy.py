@@ -14,7 +14,7 @@ from ..tree.tangents import differentiate, store_tangents, tangent
 from ..tree.triangularization import is_first
 
 OUTBOARD = frozenset((*fields.outboard_mass.components, *fields.outboard_moment.components))
-"""Contribution of the children to the potential energy; its tangents are in slots."""
+"""Contribution of the children to the potential energy; its tangents are stored in slots."""
 
 
 def kinetic(x: Scope, kind: LinkKind) -> None:

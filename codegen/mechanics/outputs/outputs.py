@@ -40,7 +40,8 @@ def pivoted_outputs(model: Model) -> list[str]:
 
 
 def output_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
-    """Outputs as formulas of the state, and as formulas over records. Procedures copy outputs that are energies."""
+    """Outputs as formulas of the state or as formulas over records. Outputs that are energies are copied by
+    procedures."""
     model = system.model
     values: list[tuple[int, Tree]] = []
     found = RecordFormulas(system, "outputs", "an output of the model")

@@ -42,7 +42,7 @@ from ..structure.links import (
 from ..structure.system import System
 
 SHORTEST = 1e-100
-"""Shortest distance, m, that has a derivative; below it, squares of quotients by the distance could overflow."""
+"""Shortest distance, m, that has a derivative; below it, the square of a quotient by the distance can overflow."""
 
 
 @dataclass(slots=True)
@@ -86,7 +86,7 @@ class Records:
         return v
 
     def differs(self, square: Value) -> None:
-        """Report an error if a derivative is required where a squared distance is zero."""
+        """Reports an error if a derivative is required where the square of a distance is zero."""
         if self.tangents:
             self.x.set_entry(PIVOT, 0, square - self.x.number(limits().tiny(SHORTEST, 3) ** 2))
 
@@ -96,7 +96,7 @@ class Records:
         return ME if len(self.links) == 1 else ME[self.links.index(link)]
 
     def carried(self, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
-        """The link that carries a body, the placements from the link's body to this body, and the frame of the link."""
+        """The link of a body, the placements from the link's own body to this body, and the frame of the link."""
         return carrier(self.system, body)
 
     def in_link(self, body: int, r: Vector) -> Vector:
@@ -216,7 +216,8 @@ def expressions_of(system: System, bodies: tuple[int, ...]) -> list[Expression]:
 
 
 def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]) -> tuple[object, ...]:
-    """A key, equal for bodies whose placements in links of the same kind differ only in numbers."""
+    """A key of the body's placement; bodies in links of one kind whose placements differ only in numbers have equal
+    keys."""
 
     def of(body: int) -> tuple[object, ...]:
         link, steps, frame = carrier(system, body)

@@ -81,7 +81,8 @@ def _turn(system: System, switch: Switch, index: int) -> Formula:
 
 
 def _ends(system: System, switch: Switch, index: int) -> Formula:
-    """The square of the distance between two points; or a function that is zero where two faces are half a turn apart."""
+    """The square of the distance between two points, or a function that is zero where two faces are half a turn
+    apart."""
     if isinstance(switch.ends[0], Face):
         (element,) = (e for e in system.elements if e.element.ends == switch.ends)
 
@@ -118,7 +119,8 @@ def _of_faces(
     system: System, switch: Switch, index: int, element: PlacedElement,
     write: Callable[[Expansion, Sequence[Matrix], Callable[[Tree], Tree]], Value], title: str,
 ) -> Formula:  # fmt: skip
-    """A switching function of the base vectors of the two faces of a force element, one of which is along its axis."""
+    """A switching function of base vectors of two faces of a force element, one of which lies along the element's
+    axis."""
     axis = element.axis
     faces = [face for face in element.element.ends if isinstance(face, Face)]
     output = Output(f"switch_{switch.number}", "rotation", bodies=tuple(face.body for face in faces))
