@@ -1,4 +1,4 @@
-"""Contributions of several links to one field: the first in the order of the sweep assigns it, the others add to it."""
+"""Contributions of several links to one field: the first one is assigned, and the others are added."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ V = TypeVar("V")
 
 
 def accumulate(x: Scope, store: Store, field: Field[V], value: V, first: bool, tag: str, lanes: bool = False) -> None:
-    """Add `value` to a field of another object, component by component; the `first` contribution assigns it."""
+    """Adds `value` to a field of another object, component by component; the `first` contribution is assigned."""
     for part, v in zip(field.scalars(), (v for _, v in field.parts(value)), strict=True):
         if first:
             x.store(store, part, v)
@@ -25,7 +25,7 @@ def accumulate(x: Scope, store: Store, field: Field[V], value: V, first: bool, t
 def accumulate_force(
     x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
-    """Add a moment and a force to a field of another object, component by component, moments and forces in turn."""
+    """Adds a moment and a force to a field of another object; their components alternate."""
     parts = field.scalars()
     for i in (0, 3, 1, 4, 2, 5):
         accumulate(x, store, parts[i], value[i], first, tag, lanes)

@@ -1,4 +1,4 @@
-"""Quantities of all links that outputs and force elements may read; procedures compute each at most once."""
+"""Quantities of all links that outputs and force elements may read; a procedure computes each at most once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .sweeps import SWEEP
 
 
 def run(*sweeps: str) -> tuple[Run, ...]:
-    """Steps that run the named sweeps in turn."""
+    """Steps that run the named sweeps one after another."""
     return tuple(Run(s, SWEEP[s].lanes) for s in sweeps)
 
 
@@ -65,7 +65,7 @@ GRAVITY = Quantity(
 """Potential energy of gravity."""
 COEFFICIENTS = Formulas("element_coefficients", ("coefficient",))
 DRIVES = Formulas("drives", ("drive",))
-"""Coefficients of force elements with an energy, and of force elements without."""
+"""Coefficients of force elements that have an energy, and of those that have none."""
 ELEMENTS = Quantity(
     "elements",
     (COEFFICIENTS, *run("element_energy")),

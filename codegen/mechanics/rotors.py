@@ -36,7 +36,7 @@ def rotor_change(x: Scope, kind: LinkKind, j: int) -> Value:
 
 
 def rotor_force_change(x: Scope, kind: LinkKind, j: int) -> Value:
-    """Change of the force that a rotor requires, along a direction with udot held."""
+    """Change along a direction of the force that a rotor requires, with udot held constant."""
     changed = rotor_change(x, kind, j)
     return 0 if is_zero(changed) else changed * x.entry(UDOT, j)
 

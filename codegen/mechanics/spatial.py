@@ -57,7 +57,7 @@ def matvec(m: Rows, v: Components) -> Vector:
 
 
 def rotate(W: Matrix, v: Vector) -> Vector:
-    """``W v``; no operations if W is the unit matrix."""
+    """``W v``; a unit matrix W costs no operations."""
     return list(v) if W is UNIT else matvec(W, v)
 
 
@@ -67,7 +67,7 @@ def turned(W: Matrix, six: Vector) -> Vector:
 
 
 def about(lever: Vector, force: Vector) -> Vector:
-    """A moment and a force shifted to another point: `lever` is the vector from there to the present point."""
+    """A moment and a force about another point; `lever` is the vector from that point to the present one."""
     return [*add(force[:3], cross(lever, force[3:])), *force[3:]]
 
 

@@ -60,7 +60,7 @@ def expanded(
     frames: bool = False,
     moves: bool = True,
 ) -> tuple[Program, Plan, tuple[Procedure, ...]]:
-    """Expand and simplify a system: its statements, the plan for targets, and the functions of the solver (`write_solver`)."""
+    """Expands and simplifies a system; returns its statements, the plan for targets and the functions of the solver."""
     model = system.model
     selected = procedures(system, reactions, functions, frames, moves)
     read = {t for p in selected for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}

@@ -18,7 +18,7 @@ EAR_RECORD, REGION_RECORD = Memory("ear", region="ears"), Memory("region", regio
 COUPLING_BLOCK = Memory("coupling", region="couplings")
 REGION_LANE = Memory("region lane", True, region="region_lanes")
 COLUMN = Memory("column", True, region="columns")
-"""Columns of matrices that are computed all at once; a link has the columns that concern it."""
+"""Columns of matrices that are computed at once; a link has memory for the columns that it affects."""
 
 TANGENT = Memory("tangent", True, region="tangents")
 ADJOINT, ADJOINT_LANE = Memory("adjoint", region="adjoints"), Memory("adjoint", True, region="adjoint_tangents")
@@ -30,13 +30,13 @@ LAID_OUT = (
     RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK, TANGENT, ADJOINT, ADJOINT_LANE,
     MASS_LANE,
 )  # fmt: skip
-"""Memory whose fields get their places from the layout; all other places are known beforehand."""
+"""Memory whose layout places the fields; in all other memory, places are known beforehand."""
 
 KEPT = {
     RECORD: Memory("kept record", region="kept"),
     REGION_RECORD: Memory("kept region", region="kept_regions"),
 }
-"""Scalars that sweeps over directions propagate, kept for their transposes."""
+"""Scalars propagated by sweeps over directions and stored for their transposes."""
 
 PER_COORDINATE, PER_COORDINATE_LANE = (
     Memory("coordinates", life=Life.OUTSIDE),
@@ -58,7 +58,7 @@ WRENCH, WRENCH_LANE = Memory("wrenches", life=Life.OUTSIDE), Memory("wrenches", 
 # -- owners ------------------------------------------------------------------------------------------------------------
 
 LINK = Owner("link")
-"""The link of a block; in blocks of ears and force elements one of several links, given by its place."""
+"""The link of a block; in blocks of ears and force elements, the link at the given position."""
 PARENT = Owner("parent")
 ROOT = Owner("root", several=True)
 """A link from which an ear starts; see `structure.EarLinks`."""
@@ -126,7 +126,8 @@ HELD, DHELD = Store("held_force", LINK, PER_DRIVE), Store("dheld_force", LINK, P
 """Joint forces along prescribed coordinates."""
 TRIG = Store("trig", LINK, PER_ANGLE)
 TURNS = Store("turn", LINK, TURN)
-"""Rotation vector of a joint: not stored, but the variable by which sines, cosines and rotation matrices are differentiated."""
+"""Rotation vector of a joint, with respect to which sines, cosines and rotation matrices are differentiated; not
+stored."""
 
 PIVOT, RANK = Store("pivot", LINK, MARGIN), Store("rank", LINK, MARGIN)
 """Values that must be positive."""
@@ -148,7 +149,7 @@ COEFFICIENT, DCOEFFICIENT = (
     Store("coefficient", ELEMENT, COEFFICIENTS),
     Store("dcoefficient", ELEMENT, COEFFICIENTS_LANE),
 )
-"""Coefficients of force elements with an energy; they depend on time and inputs only if the energy does."""
+"""Coefficients of force elements with an energy; they depend on time or inputs only if the energy does."""
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
 """Coefficients of force elements without an energy."""
 
@@ -208,4 +209,4 @@ TANGENT_OF = {
     MASSES: DMASSES,
     MOMENTA: DMOMENTA,
 }
-"""The stores of the seeds of arguments and of the tangents of sums."""
+"""The stores of the seeds of arguments, and those of the tangents of sums."""

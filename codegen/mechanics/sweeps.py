@@ -108,7 +108,7 @@ class Sweep:
         return self.region is not None
 
     def write_block(self, x: Scope, kind: UnitKind) -> FactorForm | None:
-        """Write the block of a kind; returns the form of the factored closure matrix, if the block factors one."""
+        """Writes the block of a kind; returns the form of the closure matrix's factor, if the block computes one."""
         if isinstance(kind, LinkKind):
             self.write(x, kind)
         elif isinstance(kind, EarKind) and self.ear is not None:
@@ -282,7 +282,7 @@ SWEEPS: tuple[Sweep, ...] = (
 
 
 def values_name(sweep: str) -> str:
-    """Name of the sweep that computes the scalars which a sweep over directions propagates."""
+    """Name of the sweep that computes the scalars used by a sweep over directions."""
     return f"{sweep}_values"
 
 
@@ -292,7 +292,7 @@ def transpose_name(sweep: str) -> str:
 
 
 def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
-    """The two sweeps for the transpose of a sweep over directions: the propagated scalars, and the transpose itself."""
+    """Two sweeps for the transpose of a sweep over directions: one for its scalars, and the transpose itself."""
     turned = INWARD if sweep.direction == OUTWARD else OUTWARD
     return (
         replace(sweep, name=values_name(sweep.name), title=f"values of {sweep.title}", lanes=False),
@@ -301,7 +301,7 @@ def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
 
 
 FALLING = ("balance_out", "inverse_out")
-"""Sweeps that begin with the tangent of the acceleration that represents gravity."""
+"""Sweeps that begin with the tangent of the acceleration by which gravity is represented."""
 
 GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
 """Merged sweeps of the balance's transpose; the last includes the transpose of the completion of seeds."""

@@ -21,7 +21,7 @@ from .stores import DQ, DU, KEPT, LAID_OUT, LINK
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
-"""A component of a sort of memory, of any owner."""
+"""A component of one type of memory, of any owner."""
 
 _KEPT: dict[Store, Store] = {}
 
@@ -105,7 +105,7 @@ def transpose_sweeps(
 
 
 def _keep_needed(program: Program, made: list[str]) -> None:
-    """Drop scalars that are never read, and sweeps that compute no other scalars."""
+    """Removes scalars that are never read, and sweeps that compute no others."""
     needed: set[Name] = set()
 
     def useful(block: Block) -> Block:

@@ -45,7 +45,7 @@ IN_MODES = (
 """Functions to which integration passes the modes of switches."""
 
 CLOSING_IN_MODES = ("closing_step", "completion", "completion_sensitivities", "completion_sensitivities_transposed")
-"""Further functions that receive the modes, if a prescribed motion that enters loops has switches."""
+"""Functions that also receive the modes if a prescribed motion that affects loops has switches."""
 
 
 def procedures(
@@ -127,7 +127,7 @@ def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
 
 
 def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
-    """All functions that a solver of the system can have, except frames."""
+    """All functions that a solver of the system can have, except functions for frames."""
     found = [*dynamics(w), jacobians(w), *rates(w), *state_rates(w)]
     if not w.loops:
         found += [*mass(w), *inverse_dynamics(w)]

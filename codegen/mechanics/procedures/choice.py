@@ -31,13 +31,13 @@ GROUPS["motion"] = (
 """Words for groups of functions that may be selected together."""
 
 ANYWAY = ("states",)
-"""Groups that may be empty for a model: every state of a tree is assembled already."""
+"""Groups that may be empty for a model without an error; in a tree, for example, no loops need closing."""
 
 ALSO = {
     "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
     "initial_state": "initial",
 }  # fmt: skip
-"""Members of a solver that call a function of another name."""
+"""Methods of a solver that call a function with another name."""
 
 
 NEEDED = {
@@ -67,7 +67,7 @@ def asks_reactions(functions: Collection[str] | None) -> bool:
 
 
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
-    """The procedures that the selection names, and those that every solver has."""
+    """The selected procedures, and those that every solver has."""
     wanted: set[str] = set()
     known = [p.called for p in found if not p.basic]
     known += [word for word, name in ALSO.items() if any(name in (p.name, p.called) for p in found)]

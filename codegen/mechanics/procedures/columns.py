@@ -12,13 +12,14 @@ from .shared import Shared
 from .words import JOINT_FORCES
 
 MOST_COLUMNS = 64
-"""At most this many columns are computed at once, so that their memory stays in fast caches."""
+"""Maximum number of columns that are computed at once, so that their memory stays in fast caches."""
 
 MOST_LINKS = 256
-"""Larger trees compute a few columns at a time; otherwise columns would take most of a call's memory."""
+"""Largest number of links for which all columns are computed at once; beyond it, columns would take most of the
+memory."""
 
 LEAST_COLUMNS = 12
-"""Smallest number of columns with memory; other functions over directions need memory for as many directions."""
+"""Smallest number of columns that have memory; other functions over directions use the same memory."""
 
 Entries = tuple[tuple[Array, int], ...]
 
@@ -30,7 +31,7 @@ def applies(system: System) -> bool:
 
 
 def room(system: System) -> int:
-    """Number of columns with memory: those of the whole state rounded up to a multiple of four, at most `MOST_COLUMNS`."""
+    """Number of columns that have memory: the columns of the whole state, rounded up to a multiple of four."""
     model = system.model
     return max(LEAST_COLUMNS, min(-(-(model.nq + model.nu) // 4) * 4, MOST_COLUMNS))
 
@@ -77,7 +78,7 @@ def _columns(
 
 
 def by_state(w: Shared) -> AllColumns:
-    """Derivatives of udot by coordinates and speeds, with joint forces held constant."""
+    """Derivatives of udot with respect to coordinates and speeds, with joint forces held constant."""
     dq, du, dudot, J_q, J_u = w.of("dq", "du", "dudot", "J_q", "J_u")
     turns = ("column_turns",) if any(link.joint.quaternion is not None for link in w.system.links) else ()
     sweeps = (
@@ -98,7 +99,7 @@ def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
 
 
 def inverse_mass(w: Shared) -> AllColumns:
-    """The inverse of the mass matrix, from the factors of the triangularization."""
+    """The inverse of the mass matrix, computed from the factors of the triangularization."""
     return _columns(w, {w.one("b").tangent("b"): ("u", w.one("inverse_M"))}, UNIT_FORCES, w.one("dudot"))
 
 

@@ -81,7 +81,7 @@ def rates(w: Shared) -> list[Procedure]:
 
 
 def state_rates(w: Shared) -> list[Procedure]:
-    """The rates that integration evaluates at every stage, in one call."""
+    """The rates that integration evaluates at every stage, computed in one call."""
     begin = (*w.begin, *run("rates"), *w.forward)
     return w.pair(
         ("state_rates", "state_rate_sensitivities"),

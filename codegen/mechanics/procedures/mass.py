@@ -1,4 +1,4 @@
-"""Mass matrix, solutions with it, and inverse dynamics, for trees."""
+"""Mass matrix, solutions of linear systems with it, and inverse dynamics, for trees."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from .words import HELD_FORCES, JOINT_FORCES, MOTIONS, OTHER_WIDTHS, arrays
 
 
 class Shared:
-    """The arrays of a system, and the routines of which its procedures consist."""
+    """The arrays of a system, and the routines that its procedures call."""
 
     def __init__(self, system: System):
         model = system.model
@@ -42,7 +42,8 @@ class Shared:
         read = set[str]().union(*(x.value.names for x in model.prescribed))
         of_motion = {"inputs": not read.isdisjoint(model.inputs), "t": "t" in read}
         self.p = given + [n for n in rest if of_motion[n]]
-        """Arguments of the pose besides coordinates: parameters, and the inputs or time of prescribed motion."""
+        """Arguments on which the pose depends besides coordinates: parameters, and inputs or time of prescribed
+        motion."""
         self.rest = given + rest
         self.state = ["q", "u", *self.rest]
         self.loops = bool(model.loops)
@@ -58,7 +59,7 @@ class Shared:
         self._rest()
 
     def of(self, *names: str) -> tuple[Array, ...]:
-        """Arrays by name; names of seeds and derivatives begin with d."""
+        """The arrays with the given names; names of seeds and derivatives begin with d."""
         return tuple(self.array[n] if n in self.array else self.array[n[1:]].tangent() for n in names)
 
     def one(self, name: str) -> Array:
@@ -74,7 +75,7 @@ class Shared:
         along: tuple[Step, ...],
         widths: tuple[int, ...] = OTHER_WIDTHS,
     ) -> list[Procedure]:
-        """A function and its derivative along seeds of all its arguments."""
+        """A function, and its derivative along seeds of all its arguments."""
         given, found = self.of(*arguments), self.of(*results)
         return [
             Procedure(names[0], docs[0], given, found, steps),
@@ -92,7 +93,7 @@ class Shared:
     # -- steps that procedures share -------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Steps that run before the sweeps, and those that run before sweeps over directions."""
+        """Steps that run before the sweeps, and steps that run before sweeps over directions."""
         u, dq, du = self.of("u", "dq", "du")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         motions = tuple(m.tangents() for m in self.motions)
@@ -145,7 +146,8 @@ class Shared:
         )
         udot = self.one("udot")
         self.solved: tuple[Step, ...] = (*self.begin, Own(udot), *self.forward)
-        """Steps that compute accelerations in separate memory; `solved_along` then computes their derivatives."""
+        """Steps that compute accelerations in separate memory; `solved_along` contains the steps for their
+        derivatives."""
         self.solved_along: tuple[Step, ...] = (*self.along, Own(udot.tangent()), self.balance)
 
     def _rest(self) -> None:
@@ -185,5 +187,5 @@ class Shared:
 
 
 def performed(name: str, doc: str, steps: tuple[Step, ...]) -> Perform:
-    """A step that runs a routine made of these steps."""
+    """A step that runs a routine of the given steps."""
     return Perform(Routine(name, doc, steps))

@@ -32,7 +32,7 @@ def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
 
 
 def swept_together(found: tuple[Procedure, ...]) -> tuple[set[str], bool]:
-    """Merged sweeps of the balance's transpose that are run, and whether no other transpose follows them."""
+    """Merged sweeps of the balance's transpose that run, and whether they are the last transposes."""
     run = sweeps(found)
     assert not {GRADIENT_OUT, transpose_name("balance_in")} <= run, "merged sweeps must not run separately"
     alone = any(s == Prepare(PASSING_ADJOINTS, True) for p in found for s in walk(p.steps))

@@ -45,7 +45,7 @@ TRANSPOSED = {
 in the solver."""
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
-"""The sweeps of the balance's transpose. If no other sweep follows these, their memory need not be cleared."""
+"""The sweeps of the balance's transpose. If they are the last, their memory need not be cleared."""
 
 
 def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:

@@ -9,7 +9,7 @@ from ...program.procedure import (
 from ..structure.system import System
 
 OTHER_WIDTHS = (8, 1)
-"""Numbers of directions per call of less frequent functions: fewer variants than `WIDTHS`, to save compile time."""
+"""Numbers of directions per call of rarely used functions; they are fewer than `WIDTHS` to save compile time."""
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))

@@ -28,7 +28,7 @@ from ..stores import PARAMETER
 _LARGE = 100
 
 Leaf = Callable[[Tree], Expr]
-"""Gives the symbol of a name or of a numbered slot."""
+"""A function that returns the symbol of a name or of a numbered slot."""
 
 
 class Slots:

@@ -1,4 +1,4 @@
-"""Description of a model's regions for the user: which link is the base of each, and why."""
+"""Description of a model's regions for users: the base link of each region, and the reason for it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ALONE = (
     f"not save enough operations (docs/theory.md, 4.3)"
 )
 LINES = 12
-"""At most this many regions are described; the rest are counted."""
+"""Maximum number of regions that are described; of other regions, only the number is given."""
 
 
 def describe_regions(model: Model, partition: Partition) -> list[str]:

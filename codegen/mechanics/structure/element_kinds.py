@@ -87,7 +87,7 @@ class PlacedElement:
 
     @property
     def acted_on(self) -> list[int]:
-        """The link on which each attachment point lies."""
+        """The link of each attachment point."""
         return [self.links[j] for j in self.ends[: len(self.element.ends)]]
 
     def expressions(self) -> list[Expression]:
@@ -179,7 +179,7 @@ def end_name(i: int) -> str:
 
 
 def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    """The form of a coefficient: its parts without positions and velocities of points are replaced, and appended to `parts`."""
+    """The form of a coefficient: parts without positions or velocities of points are replaced and added to `parts`."""
 
     def part(unmeasured: Tree) -> Tree:
         parts.append(unmeasured)

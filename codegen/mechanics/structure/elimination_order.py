@@ -19,7 +19,8 @@ from .graph import EarLinks, Region, Unit
 from .links import Link
 
 CARRIER = -1
-"""Index, among the ends of a block, of the link that carries the eliminated unit: its parent, or the base of the region."""
+"""Index, among the attachment points of a block, of the link that carries the eliminated unit: parent or region's
+base."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +125,7 @@ def find_elimination(
 
 
 class _Graph:
-    """Units with their predecessors, and the couplings of links at the present stage of the elimination."""
+    """Units with their predecessors, and the couplings of links during the elimination."""
 
     def __init__(
         self,
@@ -149,7 +150,7 @@ class _Graph:
         self.touched: list[set[int]] = [set() for _ in regions]
 
     def hangs_on(self, unit: Unit) -> set[int]:
-        """The units that precede a unit on the way outward."""
+        """The units that directly precede a unit on the outward path."""
         none: set[int] = set()
         if unit.role == "link":
             found, before = {self.links[unit.number].parent}, none
@@ -162,7 +163,8 @@ class _Graph:
         return before | {self.unit_of_link[i] for i in found if i != GROUND}
 
     def priority(self, unit: Unit) -> tuple[int, int, int]:
-        """Priority among units with equally many partners: the last in the order of links is eliminated first."""
+        """Priority among units with equal numbers of partners: the last one in the order of links is eliminated
+        first."""
         if unit.role == "region":
             first = min((i for e in self.regions[unit.number].ears for i in self.ears[e].links), default=0)
             return -first, 0, -unit.number
@@ -185,7 +187,7 @@ class _Graph:
                 self.touched[self.region_of_link[a]].add(a)
 
     def eliminate(self) -> tuple[list[Unit], list[tuple[set[int], int]]]:
-        """Units in outward order, with the partners and the carrying link of each."""
+        """The units in outward order, each with its partners and the link that carries it."""
         units = self.units
         needs = [self.hangs_on(unit) for unit in units]
         waiting = [0] * len(units)
@@ -221,7 +223,7 @@ class _Graph:
         return order[::-1], found[::-1]
 
     def _take_out(self, unit: Unit) -> tuple[set[int], int]:
-        """Eliminate a unit: its partners and its carrying link become coupled to each other."""
+        """Eliminates a unit, after which its partners and the link that carries it are coupled to each other."""
         if unit.role == "ear":
             return set(), GROUND
         partners = set(self.partners(unit))

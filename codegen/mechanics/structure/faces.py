@@ -102,7 +102,7 @@ class LoopFaces:
 
 
 def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
-    """The faces of a loop joint, on the links that carry them."""
+    """The two faces of a loop joint, each with the link that carries it."""
     on: list[int] = []
     steps: list[tuple[Placement, ...]] = []
     for face in (loop.start, loop.end):

@@ -44,7 +44,7 @@ class Closure:
         return bool(self.terms)
 
     def slides(self, type: str) -> bool:
-        """Whether the displacement between the faces enters the conditions of a joint of this type."""
+        """Whether the conditions of this type of joint contain the displacement between the faces."""
         if self.is_coupling:
             return False
         linear, _ = CLOSURE_ROWS[type]
@@ -108,13 +108,13 @@ class Region:
 
     @property
     def carried(self) -> bool:
-        """Whether a link carries the region: its base is not the ground."""
+        """Whether a link carries the region, so that its base is not the ground."""
         return self.base != GROUND
 
 
 @dataclass(slots=True)
 class Unit:
-    """The object of one step of a sweep: a link, an ear or a region."""
+    """The object that one step of a sweep processes: a link, an ear or a region."""
 
     role: str
     number: int

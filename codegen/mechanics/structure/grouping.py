@@ -78,7 +78,7 @@ def find_link_kinds(
 
 
 def total_sources(region: Region) -> int:
-    """Number of sources: independent speeds, plus six for each link whose motion is a source."""
+    """Number of sources: independent speeds, and six for each link whose motion is a source."""
     moving = 1 if region.carried and not region.rigid else len(region.far)
     return len(region.freedoms) + 6 * moving
 
@@ -92,7 +92,7 @@ def find_unit_kinds(
     closure_constants: list[Constants],
     unrolled: bool,
 ) -> tuple[list[UnitKind], list[UnitKind]]:
-    """The kinds of units, and the kind of each unit: links outside ears, ears, regions."""
+    """The kinds of units (links outside ears, ears, regions), and the kind of each unit."""
     found: dict[object, UnitKind] = {}
     unit_kind_of: list[UnitKind] = []
     constants: dict[int, list[list[Constants]]] = {}

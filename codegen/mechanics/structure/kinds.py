@@ -83,7 +83,7 @@ class LinkKind(SharedConstants):
 
     @property
     def geared(self) -> tuple[bool, ...]:
-        """Whether each of the joint's speeds, including a prescribed one, has a rotor with reflected inertia."""
+        """Whether each speed of the joint, including a prescribed one, has a rotor with reflected inertia."""
         return tuple(f"rotor{j}" in self.shape.fields for j in range(self.joint.speeds()))
 
 
@@ -182,12 +182,12 @@ class EarKind:
         return self.links[store.place] if store.owner is LINK else self.closures[store.place]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """The value of a constant that is the same number for the whole kind."""
+        """The value of a constant that is equal for all units of the kind."""
         owner = self._owner(store)
         return owner.number(name) if owner else None
 
     def alias_of(self, store: Store, name: str) -> str:
-        """Name of the first constant with the value of this one."""
+        """Name of the first constant with the same value as the given one."""
         owner = self._owner(store)
         return owner.shape.varying.get(name, name) if owner else name
 

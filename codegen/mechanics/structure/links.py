@@ -127,12 +127,13 @@ class Link:
         return [*found, *self.factors, *self.armature]
 
     def geared(self) -> tuple[bool, ...]:
-        """Whether each speed has a rotor."""
+        """Whether each speed of the joint has a rotor."""
         return tuple(e.tree != ("number", 0) for e in self.armature)
 
     @property
     def aligned(self) -> bool:
-        """The link's axes coincide with its parent's at q = 0, because both frames have the same axis vector."""
+        """Whether the link's axes coincide with its parent's at q = 0, because both frames have the same axis
+        vector."""
         is_same = self.frame.vector is not None and self.frame.key() == self.parent_frame.key()
         return is_same and not any(rotation for _, rotation in self.steps)
 
@@ -244,7 +245,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """The part of the chain that this joint can represent; None if joint and chain differ in more than numbering."""
+    """The part of the chain that this joint can represent; None if they differ in more than numbering."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()
@@ -400,7 +401,7 @@ def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: L
 
 
 def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Vector, Matrix]:
-    """Origin and rotation matrix of the frame after the last step, relative to the frame before the first."""
+    """Origin and rotation of the frame after the last step, relative to the frame before the first step."""
     origin: Vector = [0, 0, 0]
     R = identity()
     turned = False
@@ -476,5 +477,5 @@ NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, nam
 
 
 def keep(name: str, value: Value) -> Value:
-    """A `let` for numbers: it returns the value, since numbers need no names."""
+    """A `let` for numbers: it returns the value itself, since numbers need no names."""
     return value

@@ -1,4 +1,4 @@
-"""The constants of a model: of links, faces of loops, force elements, and gravity. Equal constants are computed once."""
+"""The constants of a model: of links, loop faces, force elements and gravity. Equal constants are computed once."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ModelConstants:
         self._by_key: dict[object, Constants] = {}
 
     def of(self, owner: Owner, *beside: object) -> Constants:
-        """The constants of an owner; two owners share them only if their values `beside` are equal too."""
+        """The constants of an owner; owners share them only if their values `beside` are also equal."""
         structure, expressions = owner.structure(), owner.expressions()
         key = (structure, beside, *map(id, expressions))
         found = self._by_key.get(key)
@@ -68,7 +68,8 @@ class ModelConstants:
         return self._make(("gravity",), g, written)
 
     def _make(self, structure: object, expressions: Sequence[Expression], written: Written) -> Constants:
-        """The constants of a set of expressions; expands their shape if no earlier set has the same shape."""
+        """The constants of a set of expressions; the shape of the set is expanded unless an earlier set has the same
+        shape."""
         slots = Slots()
         for e in expressions:
             slots.tree(e)

@@ -1,4 +1,4 @@
-"""Dependencies along the order of units: first contributions to a link, ears that start from it, last use of its values."""
+"""Dependencies in the order of units: first contribution to a link, ears that start from it, last use of its values."""
 
 from __future__ import annotations
 
@@ -89,11 +89,11 @@ class Neighbours:
         return dict.fromkeys(origins, "origin") | dict.fromkeys(top, "moving")
 
     def partners_of_link(self, i: int) -> Partners:
-        """Partners of a link that is a unit; none for a link of an ear."""
+        """Partners of a link that is a unit; empty for a link of an ear."""
         return NOBODY if self.regions.ear_of[i] is not None else self.partners[self.unit_of_link[i]]
 
     def carries(self, link: int) -> bool:
-        """Whether units outside its own ear depend on a link or are coupled to it."""
+        """Whether units outside a link's own ear depend on the link or are coupled to it."""
         return link in self.first_contributor
 
     def place_in_ear(self, link: int) -> tuple[object, ...] | None:
@@ -134,17 +134,18 @@ class Neighbours:
         )
 
     def far(self, e: int) -> tuple[int, ...]:
-        """For each root of an ear, its index among the far links of the region; -1 if it is none."""
+        """For each root of an ear, its index among the far links of the region; -1 if it is not a far link."""
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
         return tuple(region.far.index(r) if r in region.far else -1 for r in ear.roots)
 
     def role_of(self, link: int) -> tuple[bool, str]:
-        """Whether a link carries units, and whether a loop closes on its motion."""
+        """Whether a link carries units, and whether a loop closes on the motion of the link."""
         return self.carries(link), self._closed_on.get(link, "")
 
     def slots(self) -> tuple[list[int], int]:
-        """Memory slot of each link, occupied until its last use, and the number of slots; slot 0 is the ground's."""
+        """Memory slot of each link, which is used again after the link's last use, and the number of slots; slot 0 is
+        the ground."""
         free: list[int] = []
         count = 1
         slot_of = [0] * len(self.links)

@@ -27,10 +27,10 @@ work of separate regions. The margin is wide because couplings are overestimated
 gain nothing."""
 
 LINK_OF_TREE = 150
-"""Multiplications for a link whose inertia is propagated as a six by six matrix."""
+"""Multiplications for a link whose inertia is propagated as a 6x6 matrix."""
 
 TO_GROUND = 40
-"""Multiplications per unknown of a region that replace the relative motion of a far link by its own motion."""
+"""Multiplications per unknown of a region that convert the relative motion of a far link to its own motion."""
 
 Freedom = tuple[int, int]
 """A link and one of its joint's degrees of freedom."""
@@ -76,7 +76,7 @@ class Freedoms:
         return [(i, j) for i in links for j in range(self.links[i].joint.speeds()) if (i, j) not in self.dependent]
 
     def outside(self, bundle: Bundle) -> set[int]:
-        """The links from which a bundle starts, possibly with `GROUND`."""
+        """The links from which a bundle starts, which may include `GROUND`."""
         ends = {i for loop in bundle.loops for i in self.ends[loop]}
         return ends.union(self.links[i].parent for i in bundle.members) - set(bundle.members)
 
@@ -96,7 +96,7 @@ class Freedoms:
 
 
 def is_one_region(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[Freedom]) -> bool:
-    """Whether loops that share links become one region, with all independent speeds on their cycles as sources."""
+    """Whether loops that share links become one region, whose sources are all independent speeds on their cycles."""
     if len(free) <= FEW_SOURCES:
         return True
     most = GAIN * work_apart(freedoms, bundles)
@@ -104,7 +104,7 @@ def is_one_region(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[
 
 
 def work_apart(freedoms: Freedoms, bundles: Sequence[Bundle]) -> float:
-    """Estimated multiplications if every bundle is a region."""
+    """Estimated number of multiplications if every bundle is a region."""
     work = 0.0
     for bundle in bundles:
         region = freedoms.alone(bundle)
@@ -118,7 +118,7 @@ def work_apart(freedoms: Freedoms, bundles: Sequence[Bundle]) -> float:
 
 
 def work_together(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[Freedom]) -> float:
-    """Estimated multiplications if all bundles are one region."""
+    """Estimated number of multiplications if all bundles are one region."""
     sources = sources_of_links(freedoms, bundles)
     work = elimination(len(free), len(free)) + sum(map(work_of_link, (sources[i] for i in loopless(bundles))))
     return work + sum(work_of_ear(freedoms, b, {i: sources[i] for i in b.members}) for b in bundles)
@@ -130,7 +130,7 @@ def loopless(bundles: Sequence[Bundle]) -> set[int]:
 
 
 def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> float:
-    """Multiplications for a closure and its links; `sources` is the number of sources that move each link."""
+    """Multiplications for a closure and its links, each of which `sources` sources move."""
     dependents = sum(
         (i, j) in freedoms.dependent for i in bundle.members for j in range(freedoms.links[i].joint.speeds())
     )
@@ -153,7 +153,8 @@ def sources_of_links(freedoms: Freedoms, bundles: Sequence[Bundle]) -> dict[int,
     """For each link on the cycles, the number of independent speeds on the cycles that move it."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.members}
     on_ways: dict[int, frozenset[Freedom]] = {}
-    """For each link that no dependent joint moves: the independent speeds on the way inward to a link that one moves."""
+    """For each link that no dependent joint moves: the independent speeds on the path inward to a link that one
+    moves."""
     mover: dict[int, int | None] = {}
     for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):
         parent = freedoms.links[i].parent

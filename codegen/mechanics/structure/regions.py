@@ -92,7 +92,7 @@ def find_regions(
 
 
 Coupled = dict[int, list[tuple[int, int]]]
-"""For each coupling, the link and the degree of freedom of each of its coordinates."""
+"""For each coupling, the link and degree of freedom of each coordinate."""
 
 
 def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
@@ -107,7 +107,7 @@ def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
 
 
 def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Paths between the joints of a coupling: from each of its links to the link inboard of all of them."""
+    """Paths between the joints of a coupling: from each of its links to the nearest link inboard of all."""
     ends = list(dict.fromkeys(i for i, _ in freedoms))
     front = set(ends)
     while len(front) > 1:
@@ -196,7 +196,7 @@ def _bundles(
 
 
 def _with_coupled_links(coupled: Coupled, bundles: list[Bundle]) -> list[Bundle]:
-    """The bundles, each coupling joined with those that contain its links."""
+    """The bundles after each coupling has been joined with the bundles that contain its links."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.links}
     sets = DisjointSets(len(bundles))
     for n, b in enumerate(bundles):
@@ -214,7 +214,7 @@ def _as_one(bundles: list[Bundle]) -> Bundle:
 
 @dataclass(slots=True)
 class _Maker:
-    """Makes ears and regions, one group after the other."""
+    """Builder of ears and regions, one group after the other."""
 
     freedoms: Freedoms
     regions: list[Region]
@@ -226,14 +226,14 @@ class _Maker:
     dropped: Sequence[set[int]]
 
     def by_single_ears(self, bundles: list[Bundle]) -> None:
-        """Make every ear of a group a region of its own."""
+        """Makes each ear of a group a region of its own."""
         for b in bundles:
             region = self.freedoms.alone(b)
             self.regions.append(region)
             self.add(b.members, b.loops, {f: c for c, f in enumerate(region.freedoms)}, b.length)
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
-        """Add an ear to the region made last."""
+        """Adds an ear to the latest region."""
         links = self.freedoms.links
         ear = EarLinks(len(self.regions) - 1, members, length=length)
         place = {i: k for k, i in enumerate(members)}

@@ -1,4 +1,4 @@
-"""Constants of owners of one form: numbers that all owners share are literals, the others are data of each owner."""
+"""Constants of owners of one form: numbers that are equal for all owners are literals, and all others are data."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class SharedConstants:
         return self.literal.get(name)
 
     def number_of(self, store: Store, name: str) -> Expr | None:
-        """`number`, if the field belongs to the constants; otherwise None."""
+        """`number` of the field if it is one of the constants; otherwise None."""
         return self.number(name) if store is self.store else None
 
     def alias_of(self, store: Store, name: str) -> str:
@@ -57,7 +57,7 @@ class SharedConstants:
         return self.shape.varying.get(name, name) if store is self.store else name
 
     def fold(self, owned: list[Constants]) -> None:
-        """Separate the numbers that are equal for all owners from the numbers that are data of each owner."""
+        """Separates the numbers that are equal for all owners from those that are data of each owner."""
         distinct = list({id(c): c for c in owned}.values())
         for name in self.shape.fields:
             if name in self.shape.varying:
@@ -70,5 +70,5 @@ class SharedConstants:
 
 
 def pattern(c: Constants) -> tuple[str, ...]:
-    """Names of the constants that are not zero."""
+    """Names of the nonzero constants."""
     return tuple(sorted(n for n, v in c.values.items() if v != 0))

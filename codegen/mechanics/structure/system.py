@@ -1,4 +1,4 @@
-"""A model as links, ears (graph.py), regions and their kinds: the input of the expansion."""
+"""A model as links, ears (graph.py), regions and their kinds, which is the input of the expansion."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .regions import Regions, find_regions
 from .world import turned_ground
 
 LONG = 16
-"""Smallest number of links in a chain for which gravity is part of the explicit accelerations."""
+"""Smallest number of links in a chain for which the explicit accelerations include gravity."""
 
 
 @dataclass(slots=True, eq=False)
@@ -103,14 +103,14 @@ class System:
 
     @property
     def arrays(self) -> dict[str, int]:
-        """Sizes of arrays computed within a call, before or by the sweeps: coefficients, prescribed motion."""
+        """Sizes of arrays that are computed within a call: coefficients, prescribed motion."""
         n = len(self.model.prescribed)
         of_motion = {"prescribed": 3 * n, "held_force": n * bool(self.held), "driving": n}
         return self.coefficient_counts | {name: size for name, size in of_motion.items() if size}
 
     @property
     def held(self) -> set[int]:
-        """Prescribed coordinates with a joint force in the model."""
+        """Prescribed coordinates along which the model has a joint force."""
         return speeds_and_held(self.model)[1]
 
     @property
@@ -135,7 +135,8 @@ class System:
 
     @property
     def independent(self) -> tuple[list[int], list[int]]:
-        """Indices of independent coordinates and speeds; a partly dependent rotation or position has all its coordinates here."""
+        """Indices of independent coordinates and speeds; a partly dependent rotation or position counts with all
+        coordinates."""
         dependent = {
             (i, j)
             for ear in self.regions.ears
@@ -152,7 +153,7 @@ class System:
 
     @property
     def has_link_motion(self) -> bool:
-        """Whether a loop closes on the motion of a link that is resolved outside its region."""
+        """Whether a loop closes on the motion of a link of another region."""
         return any(r.far or (r.carried and not r.rigid) for r in self.regions.regions)
 
 
@@ -223,7 +224,7 @@ def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regio
 
 
 def longest_chain(links: Sequence[Link]) -> int:
-    """Number of links from the ground to the furthest tip."""
+    """Number of links between the ground and the farthest tip."""
     depth: list[int] = []
     for link in links:
         depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)

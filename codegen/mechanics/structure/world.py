@@ -28,13 +28,13 @@ from .links import ORIGIN, Placement, place
 Rotation = tuple[tuple[Vector, Expression], ...]
 
 DIGITS = 50
-"""Number of decimal digits with which vectors are rotated."""
+"""Number of decimal digits of rotated vectors."""
 
 ROUNDED = 8 * 2.0**-52
 """Bound on rounding errors of a vector's components, relative to its length."""
 
 BY_CHANCE = 1e-3
-"""Largest probability with which a number may be this close to a decimal by chance."""
+"""Largest probability that a number is this close to a decimal number by chance."""
 
 _ONE: Tree = ("number", 1)
 
@@ -211,7 +211,7 @@ def terms(tree: Tree) -> dict[Tree, float]:
 
 
 def times(number: float, tree: Tree) -> Tree:
-    """A product with a number; a factor of -1 becomes a sign."""
+    """The product of an expression and a number; a factor of -1 becomes a sign."""
     return combine("neg", tree) if number == -1 else combine("*", Expression.number(number).tree, tree)
 
 

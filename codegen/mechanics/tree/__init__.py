@@ -1,1 +1,1 @@
-"""The sweeps of the paper over a tree, on scalars and along directions."""
+"""The sweeps over a tree: for values and for derivatives along directions."""
