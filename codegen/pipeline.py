@@ -1,4 +1,4 @@
-"""From a model to the files of its solver: the stages analyse, expand, simplify, lay out, print, in this order."""
+"""Generates the files of a solver from a model in stages: analyse, expand, simplify, lay out, print."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Checks of a tree of bodies: parents in a circle, rigidly joined bodies, and mass properties at the default parameters."""
+"""Checks of a tree of bodies: circular parents, rigidly connected bodies, and mass properties at the default
+parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from .model import GROUND, Body, Joint
 from .motions import Ball, Displacement, Slide, Turn
 
 Finding = tuple[int, tuple[str, ...], str, str]
-"""A finding of a check: body, path to the key, message and severity."""
+"""A result of a check: body, path to the key, message and severity."""
 
 PSD_TOLERANCE = 1e-12
 TRIANGLE_TOLERANCE = 1e-9
@@ -24,7 +25,7 @@ DIRT = 1e-15
 
 
 def cycles(parents: Sequence[int]) -> list[list[int]]:
-    """Circles in a list of parent indices, each as a list of bodies with a child before its parent."""
+    """Circles in a list of parent indices: each lists its bodies with a child before its parent."""
     state = [0] * len(parents)  # 0: not visited, 1: on the present walk, 2: finished
     found = []
     for start in range(len(parents)):
@@ -42,7 +43,7 @@ def cycles(parents: Sequence[int]) -> list[list[int]]:
 
 
 def rigid_parts(bodies: Sequence[Body]) -> list[int]:
-    """For each body of a tree the innermost body to which fixed joints hold it: itself, another body, or the ground."""
+    """For each body, the innermost body that fixed joints connect it with: itself, another body, or the ground."""
     result = [GROUND - 1] * len(bodies)
     for k in range(len(bodies)):
         walk = []
@@ -258,7 +259,7 @@ def check_freedoms(
 
 
 def _giving_way(bodies: Sequence[Body], singular: int | None) -> Iterator[Finding]:
-    """Error about a joint whose body can move alone, because the joints outboard of it give way."""
+    """The error for a joint whose body can move without moving mass, because joints outboard of it move as well."""
     if singular is not None:
         message = (
             f"the {bodies[singular].joint.type} joint of {bodies[singular].name!r} is free to move without moving any mass, "

@@ -37,7 +37,7 @@ _VECTOR: Final = TypeAdapter(entries.Vector)
 
 
 SWITCHED = ("expressions", "forces", "outputs")
-"""Sections whose expressions may change branches: motions locate these changes where the expressions are used."""
+"""Sections whose expressions may change branches; motions locate the changes where the expressions are used."""
 
 
 class Reader(Problems):
@@ -146,7 +146,7 @@ class Reader(Problems):
         return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
-        """Whether the units of an expression have the dimension that is wanted at its place."""
+        """Whether the units of an expression agree with the dimension that is required at its place."""
         found = self.dimension(expression, at, sub)
         wanted = self.unit_wanted(at, sub)
         if found is None or wanted is None or found == wanted:
@@ -159,7 +159,8 @@ class Reader(Problems):
         return False
 
     def dimension(self, expression: Expression, at: Instance, sub: Path_ = (), quiet: bool = False) -> Dimension | None:
-        """The dimension of an expression as far as its units determine it; None also after an error, which `quiet` suppresses."""
+        """The dimension of an expression as far as units determine it; None after an error, which `quiet`
+        suppresses."""
         try:
             return dimension_of(expression.tree, at.part.dimensions)
         except DimensionError as error:
@@ -168,7 +169,7 @@ class Reader(Problems):
             return None
 
     def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
-        """The dimension that is wanted at a path."""
+        """The dimension that is required at a path."""
         section = str(at.section[0]) if at.section else at.key
         if section in ("initial", "motion"):
             part = str(at.section[1]) if section == "initial" else "q"
@@ -343,7 +344,8 @@ class Reader(Problems):
         return None if name is None else at.part.referred(name)
 
     def coordinate(self, written: Any, at: Instance, sub: Path_, key: bool = False, of: str = "q") -> str | None:
-        """The coordinate, or speed with ``of="u"``, that ``q.NAME`` or a text names, without ``q.``; None after an error."""
+        """The coordinate (or speed, with ``of="u"``) of a text such as ``q.NAME``, without prefix; None after an
+        error."""
         name = self.name_at(at, sub, written, key, f"{of}.")
         return None if name is None else at.part.name(name[2:])
 
@@ -384,7 +386,7 @@ class Reader(Problems):
                     yield at, (), at.key
 
     def only(self, name: str) -> Instance | None:
-        """A top-level key that only one file of the model may have."""
+        """A top-level key that occurs in at most one file of the model."""
         found = [
             part.entry(name) for part in self.parts if not part.is_submodel and part.document.root.get(name) is not None
         ]
@@ -481,5 +483,5 @@ class Reader(Problems):
 
 
 def _is_said(expression: Expression) -> bool:
-    """Whether errors in names have been reported for the first of three components."""
+    """Whether errors about names have been reported for the first of three components."""
     return bool(expression.tree[0] == "component" and expression.tree[2] > 0)

@@ -59,7 +59,7 @@ def singular_functions(
 
 
 def singular_in(tree: Tree) -> Iterator[Tree]:
-    """Functions whose zeros are singular points of the outermost operation of a tree."""
+    """Functions whose zeros are the singular points of the outermost operation of a tree."""
     match tree:
         case ("/", _, below):
             yield below

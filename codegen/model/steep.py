@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from .model import Model
 
 EVEN_PACED = ("sin", "cos", "abs", "sign", "at_least")
-"""Functions that change no faster than their arguments where their branch is held."""
+"""Functions that change no faster than their arguments while their branch is fixed."""
 
 HIGHEST = 3
-"""Highest power of a varying number that counts as even."""
+"""Highest power of a varying number that does not count as steep."""
 
 
 def has_steep_functions(model: Model) -> bool:

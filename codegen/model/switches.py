@@ -243,7 +243,7 @@ class Switches:
         return next((s.direction for s in self.found if s.element == element), ())
 
     def mode_of(self, element: str) -> tuple[Tree, ...]:
-        """The mode of a force element's angle or line, if it has one; for a line, then the direction of the line."""
+        """The mode of a force element's angle or line, if there is one; for a line, also the direction of the line."""
         found = (s for s in self.found if s.element == element)
         return next(((("name", f"{MODE}{s.number}"), *(("number", v) for v in s.direction)) for s in found), ())
 
@@ -333,7 +333,7 @@ class Switches:
         return True
 
     def _numbers(self, tree: Tree) -> frozenset[int]:
-        """Indices of the switches that a held tree contains."""
+        """Indices of the switches whose modes a tree contains."""
         if tree not in self._within:
             names = Expression(tree).names
             self._within[tree] = frozenset(int(n.removeprefix(MODE)) for n in names if n.startswith(MODE))
@@ -341,7 +341,7 @@ class Switches:
 
 
 def _changes_at_bounds(tree: Tree, inner: Tree, varies: Callable[[str], bool]) -> bool:
-    """Whether a branch of an argument changes, or may change, at a bound of the function's domain; tested at a few places."""
+    """Whether a branch may change at a bound of the function's domain, tested at a few places."""
     bounds = [Expression(of) for of in singular_in(tree)]
     for call in branching(inner, varies):
         value = switching(call[1], call[2:])

@@ -23,7 +23,7 @@ from .expressions import Expression, made
 from .grammar import WRAPPED, Tree
 
 MAX_POINTS: Final = 200
-"""More points would make expressions of thousands of operations."""
+"""Maximum number of points; more would lead to expressions with thousands of operations."""
 
 KINDS: Final = ("linear", "cubic")
 OUTSIDE: Final = ("constant", "linear", "periodic")
@@ -124,7 +124,7 @@ def natural_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
 
 
 def periodic_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
-    """Second derivatives at the points of the cubic spline whose last point is the first one again."""
+    """Second derivatives at the points of a periodic cubic spline, whose last point is the first one again."""
     n = len(x) - 1
     h = [x[i + 1] - x[i] for i in range(n)]
     rise = [(y[i + 1] - y[i]) / h[i] for i in range(n)]

@@ -1,4 +1,4 @@
-"""Dimensions wanted at the places of a model file, with which numbers with units are compared."""
+"""Dimensions required at the places of a model file, for comparison with the units of numbers."""
 
 from __future__ import annotations
 

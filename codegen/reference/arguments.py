@@ -23,13 +23,13 @@ ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Names of seeds, in the order of the arguments."""
 
 INCONSISTENT = 1e-6
-"""Fraction of the speeds or seeds above which the residual of a redundant condition is reported."""
+"""Fraction of the speeds or seeds above which a warning reports the residual of a redundant condition."""
 
 ALLOWED = 10.0
-"""Largest residual of a dropped condition, in tolerances of the model per unit of speeds or seeds."""
+"""Largest residual of a dropped condition, in multiples of the model's tolerance, per unit of speeds or seeds."""
 
 SMALLEST_QUATERNION = 1e-6
-"""A quaternion shorter than this does not define a rotation accurately."""
+"""Smallest norm of a quaternion that defines a rotation accurately."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class State:
 
 
 class Arguments(ABC):
-    """The model, the partition and the methods of an engine that this module needs; see `Engine`."""
+    """The model, the partition and the methods of an engine that this module uses; see `Engine`."""
 
     def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
         self.given = model
@@ -166,7 +166,7 @@ class Arguments(ABC):
     # --- prescribed motion ------------------------------------------------------------------------------------------
 
     def _with_prescribed(self, q: Pair, u: Pair, pairs: Pairs) -> tuple[Pair, Pair]:
-        """All coordinates and speeds, where the prescribed ones are added to the given ones."""
+        """All coordinates and speeds: the given ones and the prescribed ones."""
         if not self.given.motion:
             return q, u
         held_q = np.setdiff1d(np.arange(self.model.nq), self.free_q)
@@ -206,7 +206,8 @@ class Arguments(ABC):
     # --- closed loops ---------------------------------------------------------------------------------------------
 
     def _completed(self, state: State) -> State:
-        """Dependent speeds and seeds from closure; any values that the caller passes for them are ignored."""
+        """Speeds and seeds whose dependent entries follow from closure; the caller's values of these entries are
+        ignored."""
         model, dependent = self.model, self.dependent
         q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
         q.tangent[:, self.dependent_coordinates] *= 0
@@ -245,7 +246,8 @@ class Arguments(ABC):
         return kept
 
     def _check_redundant(self, state: State) -> None:
-        """Warn if conditions beyond the rank do not hold: no derivative exists along a direction that violates conditions."""
+        """Warns if a condition beyond the rank does not hold: along a direction that violates it, no derivative
+        exists."""
         position, velocity = self._closure(state)
         names, seeds = self.model.closure_names, [x.tangent for x in state.pairs.environment.values()]
         allowed = np.full(len(names), INCONSISTENT)

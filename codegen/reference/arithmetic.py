@@ -26,11 +26,11 @@ Array = np.ndarray[Any, Any]
 NUMBERS = ("float64", "mpmath", "decimal")
 
 GUARD_BITS = 10
-"""Additional bits with which mpmath computes functions of decimal numbers."""
+"""Number of additional bits with which mpmath computes functions of decimal numbers."""
 
 
 class SingularMatrixError(ArithmeticError):
-    """A mass matrix, or a block of one, that cannot be inverted."""
+    """Raised for a mass matrix, or a block of one, that cannot be inverted."""
 
 
 class Arithmetic:
@@ -107,7 +107,8 @@ class Arithmetic:
         raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")
 
     def where_zero(self, x: Any, value: Any, otherwise: Any) -> Any:
-        """`value` where x is zero, else `otherwise`; `codegen.symbolic` overrides it, and `Pairs` compares numbers."""
+        """`value` where x is zero, otherwise `otherwise`; overridden by `codegen.symbolic`, and by `Pairs` for
+        numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
 
     def where_negative(self, x: Any, value: Any, otherwise: Any) -> Any:
@@ -115,7 +116,7 @@ class Arithmetic:
         raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
 
     def of_largest(self, numbers: Sequence[Any], values: Sequence[Any]) -> Any:
-        """The value that belongs to the first one of the largest numbers; as `where_zero`."""
+        """The value with the index of the first of the largest numbers; overridden like `where_zero`."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
 
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:

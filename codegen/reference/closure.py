@@ -166,7 +166,7 @@ def cut(
     defaults: dict[str, float],
     dropped: Collection[int],
 ) -> Cut:
-    """The loop joint between two bodies; `dropped` are the indices of its dropped conditions."""
+    """The cut of the loop joint between two bodies; `dropped` contains the indices of its dropped conditions."""
     U, zero = pairs.eye(3), pairs.zeros(3, 3)
     C = start.N_C.mT @ end.N_C
     arm_end = C @ (pairs.vector(loop.end.at) - end.com)
@@ -358,7 +358,7 @@ def closed_motion(
 
 
 def rotation_only(R: Pair) -> Pair:
-    """The small rotation of R by dR, (3, 1), in the components that result from R: a pair without value."""
+    """The small rotation dR of R as (3, 1), along the axes to which R maps; a pair without value."""
     W = R.tangent @ R.value.mT  # a skew matrix
     return Pair(0 * R.value[:, :1], np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)[..., None])
 
@@ -374,7 +374,7 @@ def displacement(pairs: Pairs, N_C: Pair, x: Pair) -> Pair:
 
 
 def selection(pairs: Pairs, model: Model, body: int, speeds: Sequence[int]) -> Pair:
-    """A matrix (f, len(speeds)) with 1 where a speed is one of a body's joint."""
+    """A matrix (f, len(speeds)) whose entry is 1 where a speed belongs to a body's joint."""
     rows = model.coordinate_slices[body][1]
     return pairs.constant(
         np.array([[int(i == j) for j in speeds] for i in range(rows.start, rows.stop)], dtype=int).reshape(

@@ -168,7 +168,7 @@ def directions(
 
 
 def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:
-    """The condition that a sum of factor q, minus the offset, is zero; its wrench is one number, a force along the first q."""
+    """The condition that a sum of factor q minus the offset is zero; its wrench is a force along the first q."""
     value, row = -pairs.matrix([[pairs.expression(loop.offset)]]), pairs.zeros(1, len(u.value))
     for term in loop.terms:
         i, j = (place.start + term.index for place in places[term.body])
@@ -190,7 +190,7 @@ def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
 
 
 def _on_point(pairs: Pairs, loop: PointCondition, s: Side, e: Side, length: float) -> list[Row]:
-    """The conditions that a point keeps its distance or stays on surfaces, divided by the size of the gradient and the length."""
+    """Conditions that keep a point at a distance or on surfaces, divided by the size of the gradient and the length."""
     r, v = e.x - s.x, e.v - s.v
     if loop.length is not None:
         l = pairs.matrix([[pairs.expression(loop.length)]])

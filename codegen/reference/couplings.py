@@ -71,7 +71,7 @@ class CoupledCut:
             )  # fmt: skip
 
     def of_motion(self, pairs: Pairs, motion: Mapping[int, Pair], columns: int) -> Pair:
-        """The condition applied to motions (6, columns) of mass centres; bodies that are not listed do not move."""
+        """The condition for motions (6, columns) of mass centres; bodies that are not listed do not move."""
         total = pairs.zeros(1, columns)
         for term in self.terms:
             if term.body in motion:
@@ -81,7 +81,7 @@ class CoupledCut:
         return total
 
     def of_coordinates(self, pairs: Pairs, x: Pair) -> Pair:
-        """The sum of factor x, (1, 1), for an x in the place of the speeds, (nu, 1)."""
+        """The sum of factor x, (1, 1), for values x of the speeds, (nu, 1)."""
         total = pairs.constant([[0]])
         for term in self.terms:
             total = total + x[term.u : term.u + 1] * term.factor

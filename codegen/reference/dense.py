@@ -189,7 +189,7 @@ class DenseEngine(Engine):
         return pairs.block([[w if given and x.turned else -w] for w, x in zip(acting, self.model.loops, strict=True)])
 
     def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
-        """The multipliers of least norm, (m, 1), equivalent to those of a subset; multipliers of dropped conditions are zero."""
+        """Multipliers of least norm, (m, 1), equivalent to those of a subset; those of dropped conditions are zero."""
         rows = self._subset(jacobian.value)
         dependent = jacobian[:, self.dependent]
         W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition as a combination of the subset
@@ -222,7 +222,7 @@ class DenseEngine(Engine):
         return result
 
     def _closed_speeds(self, state: State) -> Pair:
-        """Speeds that satisfy Phi_q u = 0, the first time derivative of Eq. 5."""
+        """Speeds for which Phi_q u = 0, the first time derivative of Eq. 5."""
         jacobian = self._conditions(state).jacobian
         combined = state.pairs.constant(self._combinations(jacobian.value)) @ jacobian
         return self._solve(combined[:, self.dependent], -(combined @ state.u))
@@ -250,7 +250,7 @@ class DenseEngine(Engine):
         return found
 
     def _subset(self, jacobian: Array) -> Array:
-        """Indices of independent conditions, as many as there are dependent speeds."""
+        """Indices of independent conditions; their number equals that of the dependent speeds."""
         rows, _ = self.arithmetic.independent_rows(jacobian[np.ix_(self.kept, self.dependent)])
         return self.kept[rows]
 
@@ -356,7 +356,7 @@ class DenseEngine(Engine):
         return found
 
     def _coordinate_rates(self, state: State) -> Pair:
-        """The time derivatives qdot, (nq, 1); of quaternions by their product, edot = e (0, omega)/2."""
+        """The time derivatives qdot, (nq, 1); for quaternions, edot = e (0, omega)/2."""
         pairs, rates = state.pairs, state.pairs.zeros(self.model.nq, 1)
         half, U = pairs.number(1) / pairs.number(2), pairs.eye(3)
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):

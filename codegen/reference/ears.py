@@ -41,7 +41,7 @@ class Group:
 
 
 def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
-    """All bodies in groups, in outward order: a group follows the groups of its ends."""
+    """All bodies in groups, in outward order: a group comes after the groups from which it starts."""
     together = DisjointSets(len(model.bodies))
     loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
     for ear in partition.ears:
@@ -121,7 +121,7 @@ def _ends(model: Model, together: DisjointSets, loops: dict[int, list[int]]) -> 
 
 
 def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
-    """Bodies on the paths from two bodies inward to the first body that both paths share, innermost first."""
+    """Bodies on the paths from two bodies inward, up to the first body that both paths contain; innermost first."""
     branches = []
     for k in (start, end):
         branch: list[int] = []

@@ -41,7 +41,7 @@ from .terms import Terms
 
 
 class Places:
-    """Columns of the parts of z: six entries for each end, the independent accelerations y, and the 1."""
+    """Columns of the parts of z: six for each end, those of the independent accelerations y, and the constant 1."""
 
     def __init__(self, group: Group) -> None:
         self.ends = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(group.ends)}
@@ -53,7 +53,7 @@ class Places:
 
 @dataclass(slots=True)
 class Eliminated:
-    """Data for the back substitution of a group: y = D^-1 (r - sum h_x^T A_x) over all bodies x in ``h``."""
+    """Data for the back substitution of a group: y = D^-1 (r - sum h_x^T A_x) over the bodies x in ``h``."""
 
     H: dict[int, Pair]
     Y: Pair
@@ -216,7 +216,7 @@ def motion_of_members(
 
 
 def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequence[Eliminated], pairs: Pairs) -> Pair:
-    """The accelerations udot, (nu, 1), by the outward sweep of Eqs. 53 to 60."""
+    """The accelerations udot, (nu, 1), computed by the outward sweep of Eqs. 53 to 60."""
     udot = pairs.zeros(model.nu, 1)
     A_bar: dict[int, Pair] = {}
     for group, e in zip(groups, eliminated, strict=True):

@@ -52,7 +52,7 @@ class Jacobians:
 
 
 Gradients = tuple[Array, Array, Array, Array, Array]
-"""Gradients of k weighted sums with respect to q, u, p, inputs, (k, n) each, and t, (k,)."""
+"""Gradients of k weighted sums with respect to q, u, p and inputs, (k, n) each, and with respect to t, (k,)."""
 
 
 class Engine(Arguments):
@@ -174,7 +174,7 @@ class Engine(Arguments):
         return _weighted(weights, along)
 
     def mass_matrix(self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the mass matrix of Eq. 4 over all speeds of the tree; loops do not enter."""
+        """Return the mass matrix of Eq. 4 over all speeds of the tree, without the conditions of loops."""
         M: Array = self._mass_matrix(self._state(q, None, p, inputs, t))[np.ix_(self.free_u, self.free_u)].value
         return M
 
@@ -203,7 +203,7 @@ class Engine(Arguments):
         return self._of_free(self._solve_mass(state, self._of_speeds("b", b, db, state.pairs)))
 
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the joint forces that given accelerations need in addition to the model's own."""
+        """Return the joint forces that given accelerations require in addition to the model's own forces."""
         self._trees_only("inverse_dynamics")
         state = self._state(q, u, p, inputs, t)
         return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
@@ -219,7 +219,7 @@ class Engine(Arguments):
         return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, dudot)))
 
     def driving_forces(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """Return the generalised forces that prescribed motion needs."""
+        """Return the generalised forces that prescribed motion requires."""
         return flat(self._driving_forces(self._state(q, u, p, inputs, t)))[0]
 
     def driving_force_sensitivities(
@@ -236,7 +236,8 @@ class Engine(Arguments):
         return pairs.column([pairs.expression(e) for e in of_speeds])
 
     def _driving_forces(self, state: State) -> Pair:
-        """``b^T (M udot - K)``, (n, 1), with b all speeds of the tree for a unit prescribed speed: loops do no work along it."""
+        """``b^T (M udot - K)``, (n, 1), where b holds the speeds of the tree per unit prescribed speed; loops do no
+        work."""
         pairs, model = state.pairs, self.model
         left_over = self._inverse_dynamics(state, self._accelerations(state))
         found = []
@@ -286,7 +287,7 @@ class Engine(Arguments):
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def closure(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Array, Array]:
-        """Return the scaled residuals of the loops in position and velocity, at q and u as they are passed."""
+        """Return the scaled residuals of the loops in position and velocity at the given q and u."""
         if not self.model.loops:
             return self.arithmetic.zeros(0), self.arithmetic.zeros(0)
         position, velocity = self._closure(self._arguments(q, u, p, inputs, t))
@@ -295,7 +296,7 @@ class Engine(Arguments):
     def complete(
         self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, **seeds: Any
     ) -> tuple[Array, Array, Array]:
-        """Return speeds that close the loops, (nu,), and seeds of q and u that keep them closed, (k, nq) and (k, nu)."""
+        """Return speeds that satisfy the loops, (nu,), and seeds of q and u that do so, (k, nq) and (k, nu)."""
         given = self._seeds(ALONG, seeds) if any(x is not None for x in seeds.values()) else {}
         state = self._state(q, u, p, inputs, t, **given)
         (_, dq), (u, du) = flat(state.q[self.free_q]), flat(state.u[self.free_u])
@@ -323,7 +324,7 @@ class Engine(Arguments):
 
     @abstractmethod
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
-        """The joint forces M udot - K, (nu, 1), without the model's own."""
+        """The joint forces M udot - K, (nu, 1), in addition to the model's own forces."""
 
     @abstractmethod
     def _motion(self, state: State) -> Any:
@@ -364,7 +365,7 @@ class Engine(Arguments):
         return found
 
     def _measured(self, pairs: Pairs, motion: Any, element: ForceElement) -> Pairs:
-        """Evaluates the expressions of a force element, which may contain positions and velocities of points."""
+        """Evaluates expressions of a force element, which may contain positions and velocities of points."""
         if not element.measured:
             return pairs
         known = {}
@@ -387,7 +388,7 @@ class Engine(Arguments):
         yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
-        """The generalised forces that force elements exert directly on joints' speeds, (nu, 1)."""
+        """Generalised forces of force elements that act directly on speeds of joints, (nu, 1)."""
         tau = pairs.zeros(self.model.nu, 1)
         for element in self.model.elements:
             for body, values in LAWS[type(element)].on_speeds(element, pairs).items():
@@ -409,7 +410,7 @@ class Engine(Arguments):
         return seen.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 
     def _seen(self, state: State) -> Seen:
-        """Data for outputs; accelerations and sums are computed when first needed."""
+        """Data about bodies for outputs; accelerations and sums are computed at their first use."""
         pairs, motion, names = state.pairs, self._motion(state), self.given.prescribed_names
         accelerating = cache(lambda: self._accelerating(state, motion, self._accelerations(state)))
         driving = cache(lambda: self._driving_forces(state))

@@ -1,4 +1,4 @@
-"""Force elements for both engines: forces and torques at their attachment points, generalised forces, and potential energy."""
+"""Force elements for both engines: forces and torques at attachment points, generalised forces, potential energy."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class JointForceLaw(Law[JointForce]):
 
 
 class JointLoadLaw(Law[JointLoad]):
-    """A force through the origin of the body and a torque; the opposite wrench, about the body's origin, on the parent."""
+    """A force through the origin of the body and a torque; the opposite wrench about this origin acts on the parent."""
 
     def wrenches(self, element: JointLoad, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         body, joint = ends
@@ -141,13 +141,13 @@ class SpringLaw(Law[Spring]):
 
     @staticmethod
     def _is_linear(element: Spring, pairs: Pairs, r: Pair) -> bool:
-        """Whether the points coincide and the force is k r."""
+        """Whether the points coincide and damping and rest length are zero, so that the force is k r."""
         zero = all(not e.names and e.value == 0 for e in (element.damping, element.free_length))
         return zero and bool(pairs.dot(r, r).value == 0)
 
 
 class AlongLineLaw(Law[AlongLine]):
-    """The law's force f acts on the end along the unit vector from start to end, and its opposite on the start."""
+    """The force f of the law acts on the end along the unit vector from start to end; -f acts on the start."""
 
     def wrenches(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         start, end = ends
@@ -164,7 +164,7 @@ class AlongLineLaw(Law[AlongLine]):
 
     @staticmethod
     def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:
-        """Value of a formula; its names are names of measures and coefficients."""
+        """The value of a formula whose names are measures and coefficients."""
         of = {key: pairs.expression(e) for key, e in zip(element.keys, element.coefficients, strict=True)}
         return Pairs(pairs.arithmetic, pairs.k, measures | of).expression(formula)
 

@@ -73,7 +73,7 @@ def along(output: Output, seen: Seen, v: Pair) -> Pair:
 
 
 def of_points(which: int) -> Callable[[Output, Seen], Pair]:
-    """n . x of a point, or n . (x_2 - x_1) of two points, with x their positions (0) or velocities (1)."""
+    """n . x of one point, or n . (x_2 - x_1) of two points; x is a position (0) or velocity (1)."""
 
     def value(output: Output, seen: Seen) -> Pair:
         *first, last = (seen.point(point)[which] for point in output.points)

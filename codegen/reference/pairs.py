@@ -62,7 +62,7 @@ class Pair:
         return Pair(self.value**exponent, exponent * self.value ** (exponent - 1) * self.tangent)
 
     def __bool__(self) -> bool:
-        """Whether all numbers of the value differ from zero."""
+        """Whether all numbers of the value are nonzero."""
         return bool(self.value)
 
     def __matmul__(self, other: Pair) -> Pair:
@@ -203,7 +203,7 @@ class Pairs:
         return value() if x.value < 0 else otherwise()
 
     def of_largest(self, numbers: Sequence[Pair], value: Callable[[int], Pair]) -> Pair:
-        """`value(i)` for the index i of the largest number, the first one of several; for symbols, a piecewise expression."""
+        """`value(i)` for the index i of the first of the largest numbers; for symbols, a piecewise expression."""
         if self.arithmetic.symbolic:
             values = [value(i).value for i in range(len(numbers))]
             return Pair(self.arithmetic.of_largest([x.value for x in numbers], values), self._zero)

@@ -16,7 +16,7 @@ from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .pairs import Pair, Pairs
 
 HALF_TURN = 1e-12
-"""Squared cosine below which rates cannot be mapped back to speeds."""
+"""Squared cosine below which rates do not determine the speeds."""
 
 
 @dataclass(slots=True)
@@ -72,7 +72,7 @@ def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
 
 
 def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
-    """Rotation matrix from a joint frame or face to the body in which it is placed, (3, 3)."""
+    """Rotation matrix from a joint frame or face to the body that contains it, (3, 3)."""
     C = pairs.eye(3)
     for axis, angle in placed.rotation:
         about, quarters = pairs.unit(pairs.vector(axis)), quarter_turns(angle)

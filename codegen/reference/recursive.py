@@ -87,7 +87,7 @@ class RecursiveEngine(Engine):
         return self._with_accelerations(self._explicit_accelerations(state), state.pairs)
 
     def _explicit_accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1), with zero for prescribed speeds, whose accelerations are in the remainders."""
+        """udot, (nu, 1), with zero for prescribed speeds, whose accelerations the remainders contain."""
         bodies = self._motion(state)
         rotors = self._armature(state.pairs)
         if not self.model.loops:
@@ -296,7 +296,7 @@ class RecursiveEngine(Engine):
         return result + pairs.diagonal(self._armature(pairs)) @ udot
 
     def _explicit(self, udot: Pair) -> Pair:
-        """udot, with zeros in place of prescribed accelerations, because the remainders already contain these."""
+        """udot with zeros for prescribed accelerations, because the remainders already contain them."""
         found = Pair(udot.value.copy(), udot.tangent.copy())
         found.value[self.held] *= 0
         found.tangent[:, self.held] *= 0
@@ -387,7 +387,7 @@ class RecursiveEngine(Engine):
     # --- parts of the kinematic sweep -----------------------------------------------------------------------------
 
     def _ground(self, pairs: Pairs) -> Terms:
-        """The ground does not move; values that sweeps add to it are not used."""
+        """The terms of the ground, which does not move; values that sweeps add to them are not used."""
         zero = {(r, c): pairs.zeros(r, c) for r, c in ((6, 6), (6, 1), (6, 0), (3, 1), (0, 1))}
         zero[3, 3] = pairs.eye(3)
         shapes = {"S": (6, 6), "P": (6, 0), "V": (6, 1), "A_t": (6, 1), "I": (6, 6), "F": (6, 1), "tau": (0, 1)}
@@ -399,7 +399,7 @@ class RecursiveEngine(Engine):
         return pairs.vector(self.model.gravity) if self.model.gravity else pairs.zeros(3, 1)
 
     def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
-        """The inverse of M_k, (f, f); the error names a body without inertia about its joint."""
+        """The inverse of M_k, (f, f); if it does not exist, an error names the body without inertia about its joint."""
         try:
             return self.arithmetic.inverse(M, [M_locked[i, i] for i in range(len(M))])
         except SingularMatrixError as error:

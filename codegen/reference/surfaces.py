@@ -1,4 +1,4 @@
-"""Functions of a point's position that vanish, with their derivatives, for conditions on points."""
+"""Functions that vanish at the position of a point, with their derivatives, for conditions on points."""
 
 from __future__ import annotations
 
@@ -39,6 +39,6 @@ def surface_at(pairs: Pairs, function: SurfaceFunction, place: Pair) -> SurfaceA
 
 
 def at(pairs: Pairs, place: Pair) -> Pairs:
-    """A function that creates pairs in which the coordinates of a point are known."""
+    """Pairs whose expressions may contain the coordinates of a point, which is at `place`."""
     known = {name: place[i, 0] for i, name in enumerate(COORDINATES)}
     return Pairs(pairs.arithmetic, pairs.k, {**pairs.environment, **known})

@@ -1,4 +1,5 @@
-"""Agreement of two reports of a model: numbers must agree in all digits, times within the spread that both reports state."""
+"""Comparison of two reports of a model: numbers must be equal, and times must agree within the spread of both
+reports."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ work. On two AVX2 cores of a virtual machine, fixed work took 1.6 times as long.
 long arrays took up to 2.5 times as long."""
 
 DIGITS = 1e-9
-"""Relative tolerance of numbers. Results on one machine are equal except for the last digits of LAPACK results."""
+"""Relative tolerance of numbers; on one machine, results differ at most in the last digits of LAPACK results."""
 
 SAME_MACHINE = ("processor", "instructions", "compiler", "flags")
 
@@ -47,14 +48,14 @@ MEASURED = {
 separately."""
 
 NOTABLE = 1.1
-"""Ratio of the fixed work from which a slower core is reported."""
+"""Ratio of the times of the fixed work above which a slower core is reported."""
 
 MOST_LINES = 12
 """Largest number of differences listed for a part."""
 
 
 class NoReportError(Failure):
-    """A file or folder that contains no report."""
+    """Raised for a file or folder that contains no report."""
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -129,7 +130,7 @@ def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Beside:
-    """Seconds of the fixed work, see `Core.turn`; 1 if it was not timed."""
+    """Seconds of the fixed work during a measurement, see `Core.turn`; 1 if it was not timed."""
 
     core: float
     cache: float
@@ -144,7 +145,7 @@ class Beside:
 
 
 def slowed(beside: Beside, other: Beside) -> float:
-    """Ratio by which times of this run may exceed those of another run, if the fixed work was slower in this run."""
+    """Ratio by which times of this run may exceed those of another run, because the fixed work was slower."""
     return beside.slower(other) ** MOST_SLOWED
 
 
@@ -217,7 +218,7 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Range:
-    """Range of a time in seconds, and the seconds of the fixed work that was timed beside it."""
+    """Range of a time in seconds, and the time of the fixed work during the measurement."""
 
     low: float
     high: float

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], lis
 
 
 def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> Reports:
-    """The reports to compare with. Raises Failure if they are of another model or machine."""
+    """The reports to compare with. Raises Failure if they belong to another model or machine."""
     from ..measure.machine import machine
     from ..model import load_model
     from .agreement import NoReportError, incomparable, read, read_gallery

@@ -1,4 +1,4 @@
-"""The error of finite differences against their step, beside the error of the exact derivative."""
+"""The error of finite differences by step size, compared with the error of the exact derivative."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 COARSE, CURVED = 1e-3, 1e-5
-"""A relative step, and the relative error of a one-sided difference above which udot is not linear."""
+"""A relative step, and the relative error of a one-sided difference above which udot counts as nonlinear."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-"""Coordinates that cannot be changed one at a time."""
+"""Coordinates that cannot be changed separately."""
 
 STEPS = 10.0 ** np.arange(-16.0, 0.01, 0.5)
 """Steps h of the differences, relative to the size of the changed quantity."""
@@ -111,7 +111,7 @@ def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[st
 
 
 def _is_curved(solver: Solver, state: State, seeds: dict[str, Array], h: float, derivative: Array) -> bool:
-    """Whether the error of a coarse difference exceeds rounding; for a linear function it does not."""
+    """Whether the error of a coarse difference exceeds rounding, which is false for a linear function."""
     size = np.max(np.abs(derivative), initial=0.0)
     ahead, middle = (_moved(solver, state, seeds, x) for x in (h, 0.0))
     return bool(size > 0 and ahead is not None and middle is not None

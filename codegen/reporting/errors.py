@@ -1,4 +1,4 @@
-"""Errors of the generated solver against the generic engine in extended precision, at the same states in double precision."""
+"""Errors of the generated solver relative to the generic engine at extended precision, at the same states."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DIGITS = 40
 """Number of decimal digits of the reference."""
 
 MOST_PARAMETERS, MIXED = 16, 3
-"""Number of parameters with derivatives that are compared, and of random directions of all quantities together."""
+"""Number of parameters whose derivatives are compared, and number of random directions of all quantities."""
 
 VANISHING = 1e-12
 """Below this fraction of its natural size, a derivative is zero except for the rounding of the state. An example is the
@@ -67,7 +67,7 @@ _as_mpf = np.frompyfunc(mpmath.mp.convert, 1, 1)
 
 @contextlib.contextmanager
 def _extended() -> Iterator[None]:
-    """Precision in which the reference computes and its results are compared."""
+    """A context in which the reference computes, and its results are compared, at extended precision."""
     with mpmath.workdps(DIGITS), decimal.localcontext(prec=DIGITS):
         yield
 
@@ -86,7 +86,7 @@ def slowdown() -> float:
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
-    """The error by `accuracy.relative`; where the exact values vanish, it is relative to a `natural` size."""
+    """The error by `accuracy.relative`; where the exact values vanish, the error relative to `natural`."""
     return accuracy.relative(x, exact, _size(np.ravel(exact), natural))
 
 
@@ -188,7 +188,7 @@ def errors(
 def _affordable(
     names: list[str], seeds: dict[str, Any], alone: float, budget: float, skipped: list[Skipped]
 ) -> tuple[list[str], dict[str, Any]]:
-    """Number of directions for which the reference has time at one state, from the time of its accelerations."""
+    """Number of directions that the reference can compute at one state in time, from the time of its accelerations."""
     affordable = int(budget / alone) - 1
     if affordable >= len(names):
         return names, seeds
@@ -241,7 +241,7 @@ def _estimates(
 
 
 def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
-    """CPU seconds of the reference for the accelerations alone; None if that exceeds the budget."""
+    """CPU seconds of the reference for the accelerations alone; None if they exceed the budget."""
     if slowdown() * _seconds_of_udot_in_doubles(model, state) > budget:
         return None
     with _extended():
@@ -259,7 +259,7 @@ def _seconds_of(engine: RecursiveEngine, state: State) -> float:
 
 
 def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) -> dict[str, float]:
-    """The worst column of the Jacobians, and the worst part of one gradient, by q, u, p, inputs and t."""
+    """The largest error of any Jacobian column, and of any part of one gradient, by q, u, p, inputs and t."""
     exact = engine.jacobians(*at)
     given = solver.jacobians(*at)
     udot = _as_mpf(engine.accelerations(*at))

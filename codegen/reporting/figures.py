@@ -14,7 +14,7 @@ STYLES = dict(zip(METHODS, ALL_STYLES, strict=False))
 NAMES = {"rk4": "RK4, constant steps", "dop853": "Dormand-Prince 8(5,3)", "radau": "Radau IIA 5"}
 
 ROUNDING = float(np.finfo(float).eps) / 2
-"""Smaller errors are drawn here, since a logarithmic axis has no zero."""
+"""Error at which smaller errors are drawn, since a logarithmic axis has no zero."""
 
 
 def figures(data: dict[str, Any]) -> dict[str, str]:
@@ -37,7 +37,7 @@ def figures(data: dict[str, Any]) -> dict[str, str]:
 
 
 def times(data: dict[str, Any]) -> str:
-    """Bars: microseconds per state in C, and of a single call from Python."""
+    """Bars of the microseconds per state in C and of a single call from Python."""
     names = list(data["functions"])
     with drawing(7.2, 0.9 + 0.42 * len(names)) as (_, (ax,), text):
         y = np.arange(len(names))[::-1]
@@ -55,7 +55,7 @@ def times(data: dict[str, Any]) -> str:
 
 
 def errors(data: list[dict[str, Any]]) -> str:
-    """Dots: relative errors of udot and of every derivative, state by state."""
+    """Dots for the relative errors of udot and of each derivative, state by state."""
     label = "relative error against the generic engine in extended precision (dashed: rounding of a double)"
     with rows_of_points([r["state"] for r in data], label) as (ax, places, text):
         for y, record in zip(places, data, strict=True):
@@ -72,7 +72,7 @@ def errors(data: list[dict[str, Any]]) -> str:
 
 
 def work_precision(data: dict[str, Any]) -> str:
-    """Time against error: of the state on the left, of the sensitivities on the right."""
+    """Time over error: the state on the left, the sensitivities on the right."""
     sensitive = bool(data["sensitivities"])
     with drawing(7.2 if sensitive else 4.2, 3.6, 2 if sensitive else 1) as (_, axes, text):
         for ax, key, floor, title in zip(axes, ("error", "sensitivity_error"),
@@ -101,7 +101,7 @@ def work_precision(data: dict[str, Any]) -> str:
 
 
 def differences(data: dict[str, Any]) -> str:
-    """Error of finite differences against the step, and the error of the exact derivative as a horizontal line."""
+    """Error of finite differences over the step, and the error of the exact derivative as a horizontal line."""
     with drawing(6.2, 3.6) as (_, (ax,), text):
         for kind, marker, dashes, label in (("forward", "s", (0, (1, 1.2)), "one-sided differences"),
                                             ("central", "^", (0, (5, 2)), "central differences")):  # fmt: skip

@@ -34,7 +34,7 @@ MADE = (
 )
 
 FAILURES = (ModelError, FolderError, CompileError, AssemblyError, np.linalg.LinAlgError, ArithmeticError)
-"""Errors that concern one model only, so that the others are still reported."""
+"""Errors that concern one model only, after which the other models are still reported."""
 
 
 def write_gallery(
@@ -73,7 +73,7 @@ def write_gallery(
 
 
 def row(name: str, data: dict[str, Any]) -> list[str]:
-    """The row of a report in the gallery's list."""
+    """The row for a report in the list of the gallery."""
     g, times = data["generated"], data.get("times", {}).get("functions", {})
     taken = [seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")]
     errors = data.get("errors") or []

@@ -26,7 +26,7 @@ COSTLIEST = 5e8
 limit counts operations instead of seconds, so another run of the same report computes the same motions."""
 
 PROBED, ALLOWED = 90, 12
-"""Multiples of `COSTLIEST` allowed for the first motion, which determines the final time, and for all other motions."""
+"""Multiples of `COSTLIEST`: for the first motion, which determines the final time, and for all others."""
 
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps for the method with constant steps."""
@@ -35,7 +35,7 @@ FIXED_TOLERANCE = 1e-9
 """Tolerance of closures for the method with constant steps."""
 
 ROUNDS, SHORT = 5, 0.005
-"""Most repetitions of a motion in a process, and seconds after which it stops."""
+"""Maximum number of repetitions of a motion in a process, and total seconds after which no repetition begins."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Setting:
 
 
 def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: float = ALLOWED) -> Trajectory | str:
-    """A motion as far as it could be integrated, or the reason why there is none."""
+    """A motion, as far as it could be integrated, or the reason why it could not be."""
     tolerance = s.tolerance
     try:
         return simulated(
@@ -96,7 +96,8 @@ def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
 
 
 def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
-    """Number of steps of Dormand and Prince's method, twelve evaluations each, that costs a multiple of `COSTLIEST`."""
+    """Number of steps of Dormand and Prince's method, with twelve evaluations each, that costs a multiple of
+    `COSTLIEST`."""
     affordable = int(allowed * COSTLIEST / (12 * evaluation(solver, names)))
     return min(max(2 * max(FIXED), affordable), 1_000_000)
 

@@ -162,7 +162,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
 def _at_states(
     model: Model, solver: Solver, request: Request, data: dict[str, Any], skipped: list[Skipped], progress: Progress
 ) -> State | None:
-    """Enter ``states``, ``errors`` and ``differences`` into a report; return the first state."""
+    """Adds ``states``, ``errors`` and ``differences`` to a report, and returns the first state."""
     progress("drawing states", 0, 0)
     found = states(model, solver, lambda s: _condition(solver, s))
     if not found:
@@ -245,7 +245,7 @@ def _compile(folder: Path, *apart: str) -> float:
 
 
 def _cpu_seconds() -> float:
-    """CPU seconds of this process and of the compilers that it has waited for."""
+    """CPU seconds of this process and of its compilers that have ended."""
     x = os.times()
     return x.user + x.system + x.children_user + x.children_system
 

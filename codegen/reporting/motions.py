@@ -42,7 +42,7 @@ END = 5.0
 """Default duration of the motions, s."""
 
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
-"""Exponents e of the tolerances 10^-e of the adaptive methods."""
+"""Exponents e of the tolerances 10^-e at which the adaptive methods run."""
 
 ORDERS = {"dop853": 8, "radau": 5}
 
@@ -55,16 +55,16 @@ LOST, LEAST = 1e-3, 1e-3
 requested time."""
 
 EXACT = 1e-11
-"""Error below which a motion at the loosest tolerance of a method counts as exact except for rounding."""
+"""Error below which a motion at the loosest tolerance is exact except for rounding."""
 
 FACTORS = 20
-"""Least number of factorisations of an implicit method; the method is left out if these cost too much."""
+"""Smallest number of factorisations of an implicit method; if these cost too much, the method is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """Number of settings of all methods in a diagram."""
 
 LONGEST = 0.75 * COSTLIEST
-"""Most operations of a motion at a tolerance of 1e-6; a longer one gets an earlier final time."""
+"""Largest number of operations of a motion at a tolerance of 1e-6; if it is exceeded, the final time is reduced."""
 
 MOST_SENSITIVITIES = 4
 
@@ -181,7 +181,7 @@ def _affordable_end(
 
 
 def _without_factors(solver: Solver, best: Trajectory, names: Sequence[str], settings: int) -> Skipped:
-    """Note that the implicit method is left out because its matrix is too large."""
+    """Records that the implicit method is left out because its matrix is too large."""
     rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
     seconds = FACTORS * _factoring(solver) / rate * ROUNDS * settings
     return Skipped("motions by an implicit method", f"it factorises matrices of {solver.nu} columns", seconds)
@@ -214,7 +214,7 @@ def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
 def _reference(
     solver: Solver, end: float, names: Sequence[str], method: str
 ) -> tuple[float, Trajectory | str, Trajectory | str]:
-    """Tolerance of the reference; the reference, and one with a looser tolerance, or the reason why there is none."""
+    """The reference, its tolerance and a second, less accurate reference; or the reason why there is none."""
     why = ""
     for tolerance, looser in pairwise(REFERENCES):
         both = []
@@ -336,7 +336,8 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
 
 
 def _seconds_of_condition(columns: int) -> float:
-    """Estimated seconds for the singular values of a large matrix: proportional to the cube of its size, from a smaller one."""
+    """Estimated seconds for the singular values of a large matrix, from the time for a smaller one by the cube of the
+    size."""
     matrix = np.random.default_rng(0).normal(size=(LARGEST_MATRIX, LARGEST_MATRIX))
     run = elapsed(lambda: np.linalg.svd(matrix, compute_uv=False), clock=time.thread_time)
     return in_rounds({"": run}, 3)[""].least * (columns / LARGEST_MATRIX) ** 3

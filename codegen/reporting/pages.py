@@ -1,4 +1,4 @@
-"""Prints a report: one self-contained HTML page, Markdown beside it, and JSON."""
+"""Writes a report: one self-contained HTML page, the same in Markdown, and JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "fi
 
 
 def need() -> None:
-    """Raise ImportError with an installation hint if matplotlib is missing."""
+    """Raises ImportError with an installation hint if matplotlib is missing."""
     from ..runtime.standalone.trajectory.plot import need as need_matplotlib
 
     need_matplotlib()
@@ -63,7 +63,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
 
 
 def _listed(folder: Path) -> dict[str, str]:
-    """Files of an earlier report, with digests of their contents."""
+    """The files of an earlier report, with digests of their contents."""
     try:
         found = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -79,7 +79,7 @@ def write(data: dict[str, Any], folder: Path, force: bool = False) -> None:
 
 
 def texts(data: dict[str, Any]) -> dict[str, str]:
-    """The files of a report: texts by name."""
+    """The text of each file of a report, by name."""
     drawn = figures.figures(data)
     sections = tables(data)
     title = f"{data['model']}: speed against error"

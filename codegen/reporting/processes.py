@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PROCESSES = 5
 
 LONG = 0.2
-"""Motions that take more seconds than this are timed only once, by the first process."""
+"""Seconds above which a motion is timed only once, by the first process."""
 
 
 class ProcessError(Failure, RuntimeError):

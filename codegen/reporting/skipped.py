@@ -1,4 +1,4 @@
-"""Measurements that a report leaves out, with the reason and the time that they would have taken."""
+"""Measurements that a report leaves out, with the reason and the time that they would take."""
 
 from __future__ import annotations
 

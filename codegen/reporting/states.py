@@ -1,4 +1,4 @@
-"""States at which a report measures: random ones, extreme ones, and one close to a singularity."""
+"""States at which a report measures: random ones, extreme ones, and one near a singularity."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ NEARER, FARTHER = 0.7, 1.1
 second. So about one state of five does not close; finding that out takes the longest."""
 
 SEARCHED = 100
-"""Number of random states from which the worst-conditioned one is taken."""
+"""Number of random states of which the one with the largest condition number is taken."""
 
 TURNS, FAST = 1e5, 1e3
-"""Extreme states: turns of every independent revolute joint, and a factor for the speeds."""
+"""For extreme states: turns of every independent revolute joint, and a factor for the speeds."""
 
 SPREAD, SPREAD_CLOSED = 1.0, 0.15
 """Standard deviation of coordinates about the initial state, rad or m, without and with loops."""
@@ -114,7 +114,7 @@ def _closed(solver: Solver, name: str, q: Array, u: Array, inputs: Array, t: flo
 
 
 def _turned(model: Model, solver: Solver, state: State) -> State | None:
-    """A state with every independent angle many turns away."""
+    """A state in which every independent angle is many turns from zero."""
     units = zip(model.coordinate_names, model.coordinate_units, strict=True)
     angles = [i for i, (name, unit) in enumerate(units) if unit == "rad" and name in solver.independent_names]
     if not angles:

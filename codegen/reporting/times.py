@@ -1,4 +1,4 @@
-"""Times of the generated functions: single calls from Python, and per state of a batch, which measures the C code."""
+"""Times of generated functions: of single calls from Python, and per state of a batch, for the C code alone."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARGEST = 16e6
 """Largest size of the results of a batch, bytes."""
 
 BATCH = 2048
-"""States in a batch for comparing functions, if the results are not too large; the cost of the call is then negligible."""
+"""Number of states in a batch for comparing functions; it is reduced if the results would be too large."""
 
 LONG, LEAST_BATCH = 0.03, 64
 """Approximate longest duration of a call with a batch, s: a slow function gets fewer states, but at least `LEAST_BATCH`."""
@@ -117,13 +117,13 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _in_time(call: Callable[[], object]) -> int:
-    """Number of states for which a call takes `LONG`, from the time of a single call."""
+    """Number of states for which a call takes `LONG`, estimated from the time of a single call."""
     call()  # compiles and loads the function
     return max(LEAST_BATCH, int(LONG / max(elapsed(call, clock=time.thread_time)(), 1e-9)))
 
 
 def _states(state: State, n: int) -> tuple[Any, ...]:
-    """The state n times, with slightly different speeds; without a batch axis for n = 1."""
+    """The state, repeated n times with slightly different speeds; for n = 1 there is no batch axis."""
     if n == 1:
         return state.q, state.u, None, state.inputs, state.t
     scale = 1 + 1e-3 * np.linspace(-1, 1, n)[:, None]

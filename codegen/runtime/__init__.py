@@ -1,4 +1,4 @@
-"""Running generated solvers: `load` opens a generated package wherever it lies."""
+"""Runs generated solvers: `load` opens a generated package in any folder."""
 
 from typing import TYPE_CHECKING
 
@@ -52,7 +52,7 @@ _NAMES = {
     "standalone.trajectory.trajectory": ("Trajectory",),
     "standalone.trust.diagnosis": ("Diagnosis",),
 }  # fmt: skip
-"""Exported names by module."""
+"""The exported names by module."""
 
 _PLACES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -89,7 +89,7 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def _is_sealed(path: Path) -> bool:
-    """Whether there is a ``model.json`` with a seal, valid or not."""
+    """Whether there is a ``model.json`` with a seal; the seal need not be valid."""
     try:
         return SEAL in (path / "model.json").read_text(encoding="utf-8")
     except (OSError, ValueError):
@@ -97,7 +97,7 @@ def _is_sealed(path: Path) -> bool:
 
 
 def _brought(path: Path) -> list[Path]:
-    """The files of the run time in a package; earlier versions have a single file."""
+    """The files of the run time in a package; packages of earlier versions have a single file."""
     one = path / f"{CARRIED}.py"
     return [one] if one.is_file() else sorted((path / CARRIED).rglob("*.py"))
 
@@ -111,7 +111,7 @@ def _is_own(folder: Path, file: Path) -> bool:
 
 
 def _package(path: Path, brought: list[Path]) -> ModuleType:
-    """A generated package as a module; after generation with changed files it is another module."""
+    """A generated package as a module; if its files have changed, it is loaded as a new module."""
     key = hashlib.sha256(str(path).encode())
     for file in (path / "__init__.py", *brought):
         key.update(file.read_bytes())

@@ -12,16 +12,16 @@ STANDALONE = Path(__file__).parent / "standalone"
 """The run time; it imports only the standard library, NumPy, cffi and modules of `SHARED`."""
 
 SHARED = Path(__file__).parents[1]
-"""Folder of modules of the lowest layers. The run time imports these modules, so packages contain them, too."""
+"""Folder of the modules of the lowest layers that the run time imports and that packages therefore contain."""
 
 MOTION = Path(__file__).parent / "motion"
 """The integrators in C, for packages with functions for integration over time."""
 
 CARRIED = "_runtime"
-"""Name of the run time's folder in a package."""
+"""Name of the folder with the run time in a package."""
 
 ON_INDEPENDENTS = ("closure", "accelerations", "sensitivities", "energy_sensitivities")
-"""Functions from which mass matrix and inverse dynamics of mechanisms with loops are composed."""
+"""Functions from which a solver composes mass matrix and inverse dynamics for mechanisms with loops."""
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "dynamics": (), "consistent states": (), "partitions": (),
@@ -51,7 +51,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 """Modules and C files that a package contains only if its manifest contains one of these keys."""
 
 TOGETHER = ("statics", "first-order equations", "state.loop_forces")
-"""Entries of both tables for which a manifest must contain all of the keys."""
+"""Entries of both tables whose keys must all occur in the manifest."""
 
 ANYWAY = ("weighted gradients", "outputs")
 """Sections that a package contains even if its manifest lacks their functions, except a package of selected functions."""
@@ -140,7 +140,7 @@ def solver_text(sections: Iterable[str]) -> str:
 
 
 def is_carried(module: str, text: str) -> bool:
-    """Whether this version of ordernm writes a module with this text into some package."""
+    """Whether this version of ordernm writes a module with this text into any package."""
     return text == (solver_text(m[1] for m in _HEAD.finditer(text)) if module == "solver" else carried_text(module))
 
 

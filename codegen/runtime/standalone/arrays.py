@@ -16,7 +16,7 @@ C_TYPES = {"f": "float", "d": "double", "g": "long double"}
 Indices = NDArray[np.intp]
 Shape = tuple[int, ...]
 Numbers = ArrayLike | Mapping[str, ArrayLike] | None
-"""Numbers as a user may give them: an array, some entries by name, or None for the default."""
+"""Numbers from the user: an array, a mapping with some entries by name, or None for the default."""
 Times = ArrayLike
 """The time, or an array of times."""
 
@@ -27,7 +27,7 @@ def dtype_of(manifest: Mapping[str, Any]) -> Any:
 
 
 FEW = 32
-"""Up to this length, a Python loop over the entries is faster than a NumPy call."""
+"""Largest length at which a Python loop over the entries is faster than a call of NumPy."""
 
 
 def is_finite(x: Array) -> bool:
@@ -61,7 +61,7 @@ def all_finite(x: Array) -> bool:
 
 
 def once(x: Array) -> Array:
-    """An array without the repetitions of broadcasting: axes along which it repeats have length 1."""
+    """The array without repetitions by broadcasting: axes along which it repeats have length 1."""
     if 0 not in x.strides:
         return x
     return x[tuple(slice(None) if step else slice(0, 1) for step in x.strides)]

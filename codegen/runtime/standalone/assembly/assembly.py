@@ -22,27 +22,27 @@ from .newton import CLOSED, SURE, Newton, Parts
 from .starting import Starts
 
 STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
-"""rad or m: offsets of the dependent coordinates, tried one after the other, from a guess at which a loop has lost rank."""
+"""Offsets of the dependent coordinates, rad or m, tried in turn from a guess at which a loop has lost rank."""
 
 GUESSES = 48
 """Number of other guesses for the dependent coordinates if the given guess leads to no closed state; their distance
 increases."""
 
 FURTHEST = 3.0
-"""rad or m: distance between the given guess and the last of the `GUESSES`."""
+"""Distance between the given guess and the last of the `GUESSES`, rad or m."""
 
 SEVERAL = 200
-"""With more dependent coordinates than this, no other guesses are tried, because they would take too long."""
+"""Largest number of dependent coordinates with which other guesses are tried; more would take too long."""
 
 ROUNDING = 1e-14
-"""Scaled residual at rounding level: assembly leaves a state with a smaller residual unchanged."""
+"""Scaled residual of the size of rounding errors; a state with a smaller residual is not changed."""
 
 ALIAS = 3.0
 """rad, or characteristic lengths: with a larger difference in independent coordinates, a closed state may be whole turns
 away."""
 
 FAR = 1.6
-"""rad: a warning reports dependent angles that assembly changes by more than this (about a quarter turn)."""
+"""Change of a dependent angle, about a quarter turn, in rad, above which a warning reports it."""
 
 HALF = 0.5
 """Upper bound of the first step between two states of a path, as a fraction of their distance."""
@@ -57,7 +57,7 @@ def allowed_gaps(opened: Opened) -> Array:
 
 
 class Assembly:
-    """Closes the loops for one choice of dependent coordinates."""
+    """Assembly of the loops for one choice of dependent coordinates."""
 
     def __init__(self, opened: Opened):
         manifest = opened.manifest
@@ -91,7 +91,7 @@ class Assembly:
         self.placing = (*package["parameter_names"], *((*package["input_names"], "t") if self.timed else ()))
 
     def _followed_coordinates(self, opened: Opened, independent: set[str]) -> Indices:
-        """Indices of the independent coordinates, except coordinates of joints that also have dependent speeds."""
+        """Indices of the independent coordinates, without those of joints that also have dependent speeds."""
         speeds = opened.manifest["speed_names"]
         moved = {speeds[s] for c in opened.manifest.get("closures", ()) for s in c["dependent"]}
         shared = {name.rpartition(".")[0] for name in moved if name not in self.coordinates}
@@ -275,7 +275,8 @@ class Assembly:
         return elsewhere
 
     def _off(self) -> Array:
-        """A direction in which to leave a guess: all entries differ in magnitude, so that no symmetry of the guess is kept."""
+        """A direction in which to leave a guess; its entries differ in magnitude, so that it has no symmetry of the
+        guess."""
         direction = np.zeros(len(self.coordinates))
         others = self.follower.others
         direction[others] = np.sin(1.0 + np.arange(len(others)))
@@ -398,7 +399,7 @@ class Assembly:
         return self.open(int(np.argmax(np.abs(gaps[0]))), float(np.abs(gaps).max(initial=0.0)), name)
 
     def open(self, condition: int, size: float, where: str) -> AssemblyError:
-        """The error for the residual of a condition; `condition` is its index among the retained conditions."""
+        """The error for the residual of a condition; `condition` is the index among the retained conditions."""
         loop = self.loops[condition]
         tolerance = 0.0
         if self.newton.slack is not None and self.newton.slack[condition] > 0.0:
@@ -420,5 +421,5 @@ class Assembly:
 
 
 def _named(state: Sequence[int]) -> str:
-    """Index of a state in a batch, for messages."""
+    """The index of a state in a batch as text, for messages."""
     return f" (state {list(state)} of the batch)" if state else ""

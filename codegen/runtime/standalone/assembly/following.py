@@ -20,7 +20,7 @@ PART = 1e-2
 tangent."""
 
 START = 1e-9
-"""Shift of the independent coordinates for the first tangent, as a fraction of the line."""
+"""Shift of the independent coordinates to find the first tangent, as a fraction of the line."""
 
 FIRST = 1.0 / 16
 """Upper bound of the first step, as a fraction of the line."""
@@ -44,13 +44,13 @@ MOST = 3000
 """Maximum number of steps along a line, enough for about a hundred turns."""
 
 MOVING = 0.05
-"""rad, or characteristic lengths: with a larger first tangent, that tangent alone limits the first step."""
+"""Size of the first tangent, rad or characteristic lengths, above which that tangent alone limits the first step."""
 
 STEEPER = 2.0
 """Safety factor on the rate at which a reciprocal condition number may change within a step."""
 
 CROSSING = 1e-3
-"""rad, or characteristic lengths: only steps up to this size may pass a possible branch point."""
+"""Largest step, rad or characteristic lengths, that may pass a possible branch point."""
 
 
 class Line(NamedTuple):
@@ -73,7 +73,7 @@ class Line(NamedTuple):
     shared: Array
 
     def of(self, n: Indices) -> Line:
-        """The lines of selected states."""
+        """The lines of the selected states."""
         return Line(*(a[n] for a in self))
 
     def at(self, s: Array) -> tuple[Array, Array]:
@@ -120,7 +120,7 @@ class _Going(NamedTuple):
     slope: Array
 
     def of(self, n: Indices) -> _Going:
-        """A selection of the states that are being continued."""
+        """A selection from the states that are being continued."""
         return _Going(*(a[n] for a in self))
 
 
@@ -201,7 +201,7 @@ class Follower:
         return _Going(q, s, h, tangent, rank, slope), error, lost & closed[:, None]
 
     def _closed(self, guess: Array, line: Line, s: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Corrects predicted states by Newton's method: coordinates, and whether the loops closed with contracting steps."""
+        """Predicted states corrected by Newton's method, and whether the loops closed with contracting steps."""
         q, x = self.placed(guess, line, s)
         closed, before = np.zeros(len(q), bool), np.full(len(q), LARGEST / CONTRACTION)
         going: Indices = np.arange(len(q))

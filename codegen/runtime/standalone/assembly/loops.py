@@ -1,4 +1,4 @@
-"""Consistent states of models with loops: closes positions, and completes speeds and seeds with their dependent entries."""
+"""Consistent states of models with loops: closes positions, and computes dependent entries of speeds and seeds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Loops(States):
         return made[1]
 
     def _closing(self) -> Opened:
-        """The generated functions with which loops are closed."""
+        """The generated functions that close loops."""
         return self._opened
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
@@ -48,7 +48,7 @@ class Loops(States):
         return None if found is None else (given[0].copy(), *found)
 
     def _is_closed(self, given: tuple[Any, ...]) -> bool:
-        """Whether `given` is one state, in float64 vectors, that assembly would leave unchanged."""
+        """Whether `given` is one state in float64 vectors that assembly would not change."""
         if self._arguments.quaternions:
             return False
         gaps = self.package._one_state(POSITION, given)

@@ -22,10 +22,10 @@ from ..files.manifest import ALLOWED
 from .partitions import scale_of
 
 LARGEST = 0.3
-"""rad, or characteristic lengths: the longest step of a dependent coordinate."""
+"""The longest step of a dependent coordinate, rad or characteristic lengths."""
 
 SURE = 0.05
-"""rad, or characteristic lengths: after a first step up to this size, the branch of the guess needs no further test."""
+"""Length of a first step, rad or characteristic lengths, up to which the branch needs no further test."""
 
 CONTRACTION = 0.25
 """Largest ratio of the second full step to the first one. Below it, Newton's method converges to the same closed state as
@@ -38,16 +38,16 @@ LEAST = 1e-4
 """Smallest fraction of a step; the Newton path ends where an even smaller fraction would be needed."""
 
 CLOSED = 1e-10
-"""Scaled residual up to which a loop is closed; Newton's method continues below it while the residual decreases."""
+"""Scaled residual up to which a loop is closed; below it, Newton's method continues while the residual decreases."""
 
 NEAREST = 1e-10
-"""Newton step size below which residuals of redundant conditions within `slack` count as zero."""
+"""Length of a Newton step below which residuals of redundant conditions within `slack` count as zero."""
 
 BETTER = 0.64
-"""Below `CLOSED`, another step is taken only if the last one reduced the sum of squares at least by this factor."""
+"""Factor by which a step below `CLOSED` must reduce the sum of squares for another step to follow."""
 
 QUICK, STEPS = 12, 200
-"""Maximum number of iterations: of full steps, and along the Newton path."""
+"""Maximum number of iterations with full steps, and of iterations along the Newton path."""
 
 
 class Probe(NamedTuple):
@@ -93,7 +93,7 @@ class Parts:
         return self._largest(steps, self._of_coordinates)
 
     def open_by(self, gaps: Array) -> Array:
-        """The largest residual (n, m) per group, (n, groups)."""
+        """The largest residual (n, m) in each group, (n, groups)."""
         return self._largest(gaps, self._of_rows)
 
     def squares(self, gaps: Array) -> Array:
@@ -145,7 +145,7 @@ class Newton:
         self.slack = slack[kept] if slack.any() else None
 
     def named(self, q: Array, x: Array) -> dict[str, Any]:
-        """Arguments by name; x contains the parameters and, with prescribed motion, the inputs and the time."""
+        """The arguments by name; x holds the parameters and, with prescribed motion, the inputs and the time."""
         return placed(q, x, self.np)
 
     def all_gaps(self, q: Array, x: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The partitions into independent and dependent coordinates that a package contains, and their conditioning in a state."""
+"""Partitions into independent and dependent coordinates in a package, and their condition numbers at a state."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from ..warning import warn
 from .assembly import allowed_gaps
 
 OPEN_SEED = 1e-7
-"""A direction of parameters opens a redundant condition if the residual grows by more than this per unit."""
+"""Increase of the residual per unit of a direction above which the direction opens a redundant condition."""
 
 
 CLOSING = frozenset({
@@ -29,7 +29,7 @@ warnings."""
 
 
 class WatchedCalls(dict[Any, Call]):
-    """Direct calls that first warn if dropped conditions have large residuals in the given state."""
+    """Direct calls that warn first if dropped conditions have large residuals in the given state."""
 
     def __init__(self, redundancy: Redundancy, calls: Mapping[Any, Call]):
         super().__init__()
@@ -87,7 +87,7 @@ class Redundancy(Room):
                 self._warn_of_opening(opened, opened.manifest["opening"], known, dp)
 
     def _warn_of_opening(self, opened: Opened, opening: list[int], given: Mapping[str, Any], dp: Numbers) -> None:
-        """Warns of parameters that open redundant conditions and that a direction changes."""
+        """Warns of parameters that a direction changes and that open redundant conditions."""
         known = {name: given[name] for name in ("q", "u", "p") if name in given}
         arrays, batch = self._arguments.take(known, self._left_out)
         (directions, _), _ = Seeds.take(self._arguments, {"dp": dp}, arrays, batch)

@@ -1,4 +1,4 @@
-"""Finds closed states from which continuation can start, for guesses that are not near a closed state."""
+"""Finds closed states from which continuation can start, if a guess is not near one."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from .following import Follower
 from .newton import CLOSED, Newton, Parts
 
 MOVED = 1e-7
-"""rad, characteristic lengths, or seconds: increment for the difference quotients of the residuals in a fit."""
+"""Increment of the difference quotients of residuals in a fit: rad, characteristic lengths or seconds."""
 
 FITTED = 1e-9
 """Scaled residual at which a fit has converged."""
 
 CONSISTENT = 1e-6
-"""Scaled residual up to which a fit succeeds: a guess is assumed to have at least this many correct digits."""
+"""Scaled residual up to which a fit succeeds; a guess is expected to have at least this many correct digits."""
 
 LARGEST = 0.5
-"""rad, or characteristic lengths: the longest step of a fit."""
+"""The longest step of a fit, rad or characteristic lengths."""
 
 BETTER = 0.9999
-"""Largest factor on the sum of squared residuals for a step to be accepted."""
+"""Factor by which a step must reduce the sum of squared residuals to be accepted."""
 
 AGAIN = (1.5, -1.5)
-"""rad, or characteristic lengths: offsets of further starting points, if the fit from the guess fails."""
+"""Offsets of further starting points, rad or characteristic lengths, if the fit from the guess fails."""
 
 FITS, HALVINGS = 40, 5
 """Maximum number of steps of a fit, and of halvings of each step."""
@@ -91,7 +91,8 @@ class Starts:
         return np.maximum(opened, turned)
 
     def _shorter(self, q: Array, x: Array, gaps: Array, going: Indices, change: Array) -> Indices:
-        """Halves the changes until they reduce the residuals, applies them, and returns the states for which this succeeds."""
+        """Halves the changes until they reduce the residuals and applies them; returns the states where this
+        succeeds."""
         done: list[Indices] = []
         for _ in range(HALVINGS):
             if not going.size:
@@ -113,7 +114,8 @@ class Starts:
         return ((found.reshape(n, k, -1) - gaps[:, None]) / MOVED).transpose(0, 2, 1)
 
     def _changed(self, q: Array, x: Array, change: Array) -> tuple[Array, Array]:
-        """States with changed unknowns: scaled independent coordinates, and the time; change is (n, unknowns)."""
+        """States with changed unknowns, which are scaled independent coordinates and the time; change is (n,
+        unknowns)."""
         q, x = q.copy(), x.copy()
         independent = self.follower.independent
         q[:, independent] += change[:, : len(independent)] * self.newton.scale[independent]

@@ -84,7 +84,7 @@ class States(Room):
 
     @property
     def initial_is_fixed(self) -> bool:
-        """Whether the initial state consists of constants, independent of the parameters."""
+        """Whether the initial state consists of constants, so that it does not depend on parameters."""
         return not (
             self.closure_names
             or self.prescribed_names
@@ -127,7 +127,8 @@ class States(Room):
     def left_out(
         self, given: Mapping[str, Any], initial_state: Callable[[Numbers], tuple[Array, Array]]
     ) -> tuple[Array, Array]:
-        """Values for entries that a mapping of coordinates or speeds leaves out: the initial state at the given parameters."""
+        """Values of entries that a mapping of coordinates or speeds omits: those of the initial state at the given
+        parameters."""
         if "initial_at_rest" in self._manifest:
             return initial_state(given.get("p"))
         p = given.get("p")
@@ -138,7 +139,7 @@ class States(Room):
         return self.initial_values(p)
 
     def _consistent(self, given: tuple[Any, ...]) -> tuple[Array, Array] | None:
-        """Copies of q and u if these are float64 vectors of one state that closes the loops, else None."""
+        """Copies of q and u if they are float64 vectors of one closed state; otherwise None."""
         # the C code tests whether the arrays are float64 vectors
         if self._arguments.quaternions or self.package._one_state("coordinate_rates", given) is None:
             return None

@@ -1,4 +1,4 @@
-"""Checks and broadcasts a user's arguments: finite numbers of the right shape, in order or by name, with batch axes."""
+"""Checks and broadcasts arguments: finite numbers of the right shape, in order or by name, with batch axes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ MOST_AXES = 29
 """Maximum number of batch axes: NumPy allows 32, and results have up to three more."""
 
 LARGE = 1024
-"""In arrays of more than this many numbers, the C code tests for finite numbers while it reads the array."""
+"""Length of an array above which the C code tests for finite numbers while it reads the array."""
 
 LeftOut = Callable[[str, Mapping[str, Any]], Array | float]
-"""Returns the values of entries that a mapping leaves out, given the argument's name and all arguments."""
+"""A function that returns the values of omitted entries, given the argument's name and all arguments."""
 
 
 class Arguments:
@@ -48,7 +48,7 @@ class Arguments:
     _largest = float(np.finfo(float).max)
     is_finite: Callable[[Any], bool] = staticmethod(is_finite)
     finite: Callable[[Any], Any] = staticmethod(np.isfinite)
-    """`is_finite` tests a one-dimensional array as a whole; `finite` tests each entry."""
+    """Two tests for finite numbers: `is_finite` for a one-dimensional array, and `finite` for each entry."""
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         self.names = names_of(manifest)
@@ -139,7 +139,7 @@ class Arguments:
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
 
     def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
-        """An array from a mapping that gives some of its entries; missing entries have the values `rest`."""
+        """An array from a mapping of some of its entries; the others have the values `rest`."""
         if of not in self.names:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self.names[of]
@@ -302,7 +302,7 @@ NO_SEEDS = Seeds(MappingProxyType({}), 0)
 
 
 def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
-    """The common shape of two batches; the error message lists the shapes of `arrays`."""
+    """The common shape of two batches; an error message lists the shapes of `arrays`."""
     try:
         return np.broadcast_shapes(batch, lead)
     except ValueError:

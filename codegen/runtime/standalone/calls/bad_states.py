@@ -16,7 +16,7 @@ from .arguments import SMALLEST_QUATERNION, Arguments, LeftOut
 BAD_STATES = ("error", "nan")
 
 MOST_NAMED = 5
-"""A warning names at most this many bad states."""
+"""Maximum number of bad states that a warning names."""
 
 
 def without_bad(
@@ -57,7 +57,7 @@ def _bad_rows(strict: Arguments, name: str, rows: Array) -> Any:
 
 
 def _what(strict: Arguments, name: str, row: Array) -> str:
-    """Describes the first bad number of an argument of one state."""
+    """A description of the first bad number in an argument of one state."""
     for i in np.flatnonzero(~strict.finite(row)):
         return f"{name} is {row[i]}" if name == "t" else f"{name}[{i}] ({strict.names[name][i]}) is {row[i]}"
     return "a quaternion of q is too short for a rotation"
@@ -74,7 +74,7 @@ def warn_of_bad(model: str, bad: Mapping[int, str], batch: Shape) -> None:
 
 
 def spread(bad: Mapping[int, str], of: Shape, batch: Shape) -> dict[int, str]:
-    """Bad states by their numbers in a larger batch, to which the smaller batch of shape `of` is broadcast."""
+    """Indices of bad states in a larger batch, to which the smaller batch of shape `of` is broadcast."""
     if not bad:
         return {}
     numbers = np.full(math.prod(of), -1)

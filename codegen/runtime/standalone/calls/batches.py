@@ -1,4 +1,4 @@
-"""Batches in C: one state after another or several at once in SIMD lanes, on several threads if this is faster."""
+"""Batches in C: states one by one or several at once in SIMD lanes, on several threads if this is faster."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ STRIDED = """
 typedef struct {{ {0} *at; long state, direction, entry; }} strided;
 typedef struct {{ long count, directions, failed; int code, infinite, *codes; strided {1}; {0} *work; }} states;
 """
-"""The C structs of functions that compute several states at once."""
+"""The C structs of the functions that compute several states at once."""
 
 WORTH_COMPILING = 2048
-"""After this many states of batches, times directions, the functions for several states at once are compiled."""
+"""Number of states of batches, times directions, after which functions for several states at once are compiled."""
 
 LEAST_STATES = 64
 """Smallest number of states per thread."""
 
 IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
-"""Estimated nanoseconds: an addition in SIMD lanes, an addition for a single state, and the call for each single state."""
+"""Estimated ns of an addition in SIMD lanes, of an addition for a single state, and of the call for each state."""
 
 MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
 """Functions that return matrices, whose columns are computed as directions."""
 
 WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30}
-"""Cost of each operation, in units of an addition."""
+"""Cost of each kind of operation, in units of an addition."""
 
 EVEN = 8
-"""Parts of a batch are multiples of this, the largest number of SIMD lanes."""
+"""Number of which the parts of a batch are multiples: the largest number of SIMD lanes."""
 
 MOST_SWEPT = 48_000
 """Doubles that the sweeps over directions use for one state. With more doubles, several states at once exceed the cache
@@ -60,7 +60,7 @@ MOST_KEPT = 1_000_000
 """Largest workspace, in numbers, that is kept between batches."""
 
 Failed = dict[int, int]
-"""Numbers of the states of a batch that failed, and their error codes from C."""
+"""Indices of the states of a batch that failed, with their error codes from C."""
 
 _pools: dict[int, ThreadPoolExecutor] = {}
 _pooling = threading.Lock()
@@ -75,7 +75,7 @@ def pool(threads: int) -> ThreadPoolExecutor:
 
 
 def _begin_anew() -> None:
-    """Replaces pools and lock after a fork: the child process has none of the threads, and the lock may be held."""
+    """Replaces pools and lock after a fork, because the child process has no threads and the lock may be held."""
     global _pooling
     _pooling = threading.Lock()
     _pools.clear()
@@ -109,7 +109,7 @@ class Batches:
         self._errors: dict[str, Exception] = {}
         self._seen = 0
         self._work: list[Array] = []
-        """Workspaces for several states at once that no call uses at present."""
+        """Workspaces for several states at once that are free at present."""
         self._lock = threading.RLock()
 
     # -- parts of a batch ----------------------------------------------------------------------------------------------
@@ -154,7 +154,8 @@ class Batches:
     # -- several states at once ----------------------------------------------------------------------------------------
 
     def takes(self, f: Function, count: int, k: int = 0) -> bool:
-        """Whether to compute several states at once; compiles the code once enough states have been computed."""
+        """Whether to compute several states at once; if enough states have been computed, the code for this is
+        compiled."""
         if not self._in_lanes(f) or count < EVEN:
             return False
         self._seen += count * (1 + k)
@@ -191,7 +192,7 @@ class Batches:
         return f"{self._model}_{f.name}_states"
 
     def _swept_far(self, f: Function) -> bool:
-        """Whether several states at once need too much memory to be faster."""
+        """Whether several states at once would need too much memory to be faster."""
         over = self._over_states
         return bool(over["workspace"] > MOST_IN_LANES or (f.seeds and over["swept"] > MOST_SWEPT))
 
@@ -207,7 +208,7 @@ class Batches:
         return self._apart("states", declared, "the states of a batch are computed one after another")
 
     def _shared(self) -> Any:
-        """The C function that distributes the states of a batch over threads; False if it is not available."""
+        """The C function that distributes states over threads; False if it is not available."""
         symbol = f"{self._model}_on_threads"
         declared = f"int {symbol}(int (*)(states *), states *, int);"
         # the library is never unloaded: its threads may outlive the solver

@@ -32,7 +32,7 @@ from .single_calls import SLOT, Calls
 from .task import Target, Task
 
 CHECKED = 1 << SLOT["default_p"]
-"""Bit for the functions of ``NAME_calls.c``: numbers are not tested, because Python tests arguments and results."""
+"""Flag of functions in ``NAME_calls.c``: C does not test numbers, because Python tests arguments and results."""
 
 OVER = """
 int {0}(int (*)({1} *const *, long, double, long), {1} **, long (*)[2], long, long, const double *, long, long *, long);
@@ -47,7 +47,7 @@ MOST_RESULTS = 16
 
 @dataclass(slots=True)
 class Table:
-    """A table of pointers for the calls of one thread, and the memory that it points to."""
+    """A table of pointers for the calls of one thread, with the memory to which it points."""
 
     x: Any
     work: Any
@@ -154,7 +154,7 @@ class CTarget(Target):
         return self._library(self._part_of.get(function, ""))
 
     def give_few(self) -> None:
-        """Opens the library of functions for few directions, at their first call; warns if it is not available."""
+        """Opens the library of functions for few directions at their first call; warns if it is not available."""
         try:
             few = self._library("few")
         except (CompileError, NoCompilerError) as error:
@@ -247,7 +247,7 @@ class CTarget(Target):
         return self.library_of(BESIDE.get(f.name, f.name))
 
     def pointers(self, given: Mapping[int, Any], work: Any, lanes: Any, results: Sequence[Any]) -> Any:
-        """The table of pointers of a call; `given` are pointers of arguments and seeds, by slot."""
+        """The table of pointers for a call; `given` contains pointers to arguments and seeds, by slot."""
         x = self.ffi.new(
             f"{self.real} *[]",
             [
@@ -330,7 +330,7 @@ class CTarget(Target):
         return self.batches.run(part, count, self.batches.threads(f, count, k, False))
 
     def _table(self, f: Function) -> Table:
-        """A table of pointers with memory for a function, not in use by any other call."""
+        """A table of pointers with memory for a function, which no other call uses at present."""
         try:
             table = self._tables.pop()
         except IndexError:

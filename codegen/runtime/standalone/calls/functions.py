@@ -30,7 +30,7 @@ TAKES = {
     "newton_step": ("q", "p", "inputs", "t"),
     "condition": ("q", "p", "inputs", "t"),
 }
-"""Arguments of functions that do not take a whole state; the same functions along seeds have the same arguments."""
+"""Arguments of functions that do not take a whole state; with seeds, these functions have the same arguments."""
 
 WEIGHTED = {
     "sensitivities_transposed": ("dudot",),
@@ -54,7 +54,7 @@ BESIDE = {
 """Functions for selected points, each with the function whose library contains it."""
 
 SELECTIVE = ("jacobians",)
-"""Functions that skip results which are not requested, except the first result."""
+"""Functions that skip results that are not requested, but always compute the first one."""
 
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
@@ -62,7 +62,7 @@ MEMBERS = {
     "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
     "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
 }  # fmt: skip
-"""Solver methods that use a generated function of another name; `--functions` and messages name the method."""
+"""Methods that call a generated function with another name; `--functions` and messages use the method's name."""
 
 WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
     "accelerations": {"results": ("udot",)},
@@ -87,7 +87,7 @@ OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
 """Mass matrix and inverse dynamics, and the functions from which they are composed in mechanisms with loops."""
 
 TREES = ("assemble_gradients",)
-"""Methods of `SOMETIMES` that need no generated function in models without loops."""
+"""Methods in `SOMETIMES` that need no generated function if a model has no loops."""
 
 MADE_OF = {
     **dict.fromkeys(("equilibrium", "linearize", "ode"), (
@@ -111,7 +111,7 @@ SOMETIMES = (
     "assemble_gradients", "hessian_products", "hessians", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
-"""Methods of the solver that some packages lack."""
+"""Methods of the solver that a package may lack."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ class Entry(NamedTuple):
 
 
 class Names(NamedTuple):
-    """The names of a model; without coordinates and speeds, initial values have no names."""
+    """The names of a model; if it lacks names of coordinates and speeds, initial values have no names."""
 
     parameters: Sequence[str]
     inputs: Sequence[str]
@@ -63,7 +63,7 @@ def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
 
 
 def _entries(names: Names, name: str) -> tuple[str, ...]:
-    """The names that consist of `name`, a dot and more, unless `name` is itself a variable."""
+    """The names that begin with `name` and a dot, unless `name` is itself a variable."""
     kind, _, of = name.partition(".")
     initial = {"q0": names.independent, "u0": names.independent_speeds}
     if kind not in initial:

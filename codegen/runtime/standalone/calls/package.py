@@ -43,14 +43,14 @@ from .targets import Opened, c_target, open_partition
 from .task import Target, Task
 
 Composed = Callable[[tuple[Any, ...], Any, Any], Sequence[Array]]
-"""Computes results from arguments, seeds and `out`; see `Package._call`."""
+"""A function that computes results from arguments, seeds and `out`; see `Package._call`."""
 
 
 class Package:
     """An open generated package. `Solver` documents its parameters."""
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
-    """Warns of directions without a derivative."""
+    """Warns if no derivative exists along a direction."""
     _threads: int | None = None
     _bad_states = "error"
 
@@ -106,14 +106,14 @@ class Package:
             return self._compiled[opened.number]
 
     def _use(self, opened: Opened) -> None:
-        """Makes the partition `opened` the partition in use."""
+        """Makes `opened` the current partition."""
         self._opened = opened
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
         self._is_used()
 
     def _is_used(self) -> None:
-        """Called after another partition has become the one in use."""
+        """A hook that is called after the current partition has changed."""
 
     def __getstate__(self) -> tuple[str, str, int, int | None, str, str]:
         # a pool of processes pickles solvers; each process opens the package again
@@ -382,7 +382,7 @@ class Package:
         return tuple(put(results, [*taken.values()]))
 
     def _has(self, name: str) -> bool:
-        """Whether the model has this function, even if the package was generated without it."""
+        """Whether the model has this function, even if the package does not contain it."""
         return name in self._functions or MEMBERS.get(name, name) in self._manifest.get("left_out", ())
 
     def _find(self, opened: Opened, name: str) -> Function:
@@ -432,7 +432,7 @@ class Package:
         return self._arguments.defaults.get(name, 0.0)
 
     def _look_at_directions(self, wanted: str | Wanted, given: tuple[Any, ...], seeds: tuple[Any, ...] | None) -> None:
-        """Warns of directions without a derivative, if the model may have any."""
+        """Warns of directions without a derivative, if the model can have any."""
         if self._watch is not None:
             self._watch(wanted, given, seeds)
 

@@ -1,4 +1,4 @@
-"""Arrays for results: new ones, or the caller's ``out=``."""
+"""Arrays for results: new arrays, or those that the caller passes as ``out=``."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def empty(shape: Shape, dtype: Any = np.float64) -> Array:
 
 
 def places(out: Any, names: Sequence[str], shapes: Sequence[Shape], dtype: Any = np.float64) -> list[Array]:
-    """The caller's arrays for results, ``out=``, after checks."""
+    """The arrays that the caller passes as ``out=``, after checks."""
     if not isinstance(out, (tuple, list)) or len(out) != len(names):
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
@@ -74,7 +74,7 @@ def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
 
 
 def put(results: Sequence[Array], out: Sequence[Array]) -> list[Array]:
-    """Copies results into the arrays of ``out``, if there are any, and returns these arrays."""
+    """Copies results into the arrays of ``out`` and returns these arrays; without ``out``, returns the results."""
     for place, result in zip(out, results, strict=False):
         if place is not result:
             place[...] = result

@@ -60,7 +60,7 @@ class Room:
 
 
 def alone(batch: Shape) -> None:
-    """Raises ValueError if the arguments are a batch."""
+    """Raises ValueError if the arguments form a batch."""
     if batch:
         raise ValueError(
             f"the arguments are a batch of shape {batch}, expected one state; call the method once per state"

@@ -22,7 +22,7 @@ from .results import empty, overlapping, put
 Call = Callable[[tuple[Any, ...], tuple[Any, ...] | None, Any], tuple[Array, ...] | None]
 
 FEW, FEW_ALONG = 96, 32
-"""Largest number of states of a small batch, without and with directions; beyond it, the large-batch code is faster."""
+"""Largest numbers of states of a small batch, without and with directions; above them, other code is faster."""
 
 SLOT = {
     n: i
@@ -36,11 +36,11 @@ WITH_DEFAULT = ("p", "inputs")
 
 
 def general(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> None:
-    """A direct call that computes nothing and returns None, so that the general path is used."""
+    """A direct call that does nothing and returns None, after which the general path is taken."""
 
 
 class NoCalls(dict[Any, Call]):
-    """The calls of a target without direct calls: `general` for every function."""
+    """The direct calls of a target that has none: `general` for every function."""
 
     def __missing__(self, wanted: str | Wanted) -> Call:
         return general
@@ -143,7 +143,7 @@ class PlainCall:
         self.table = None if wanted.table is None else wanted.table.astype(target.dtype, copy=False)
         self.shapes = f.whole_shapes(())
         self.free: list[tuple[Any, ...]] = []
-        """Tables of pointers that no call uses at present, each with its memory."""
+        """Tables of pointers that are free at present, each with its memory."""
         # bit, slot (-1 for t) and shape of each argument and seed
         self.takes = [(0, -1, ()) if n == "t" else (1 << SLOT[n], SLOT[n], target.shapes[n]) for n in f.order]
         self.seeds = [(1 << SLOT[s], SLOT[s], target.shapes[s[1:]]) for s in f.directions]
@@ -175,7 +175,7 @@ class PlainCall:
         return x, work, lanes
 
     def is_plain(self, x: Any) -> bool:
-        """Whether C can read an array in place."""
+        """Whether C can read an array without a copy."""
         return type(x) is np.ndarray and x.dtype is self.dtype and x.flags.c_contiguous and x.flags.aligned
 
     def results(self, x: Any, given: tuple[Any, ...], seeds: tuple[Any, ...] | None, out: Any) -> Any:

@@ -14,10 +14,10 @@ from pathlib import Path
 from ..warning import warn
 
 WORTH_A_THREAD = 100_000
-"""Work per thread, ns on a single thread: a batch has at most one thread for each such amount of work."""
+"""Work in ns, on a single thread, that justifies one more thread for a batch."""
 
 MANY = 1024
-"""A number of threads that no batch exceeds."""
+"""A number of threads that exceeds that of any batch."""
 
 LIMIT = "OMP_NUM_THREADS"
 """The environment variable that limits the number of threads, as in other numerical libraries."""
@@ -71,7 +71,7 @@ def processors() -> int:
 
 
 def _in_pool_of_processes() -> bool:
-    """Whether `multiprocessing` started this process. Such a process has already imported `multiprocessing`."""
+    """Whether `multiprocessing` started this process, in which case it has already been imported."""
     module = sys.modules.get("multiprocessing.process")
     return module is not None and module.parent_process() is not None
 

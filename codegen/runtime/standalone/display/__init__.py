@@ -1,1 +1,1 @@
-"""Pictures and animations of mechanisms: what a view shows, and where it is."""
+"""Pictures and animations of mechanisms: the objects in a view and their places."""

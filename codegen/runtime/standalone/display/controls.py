@@ -17,7 +17,7 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5")
 """Speeds of playback, relative to the speed of the motion."""
 
 MOST_SLIDERS = 24
-"""Maximum number of sliders of a kind; the view states how many names have no slider."""
+"""Maximum number of sliders of each kind; the view states the number of names without a slider."""
 
 
 class Playback:
@@ -60,7 +60,7 @@ class Playback:
 
 
 def add_choices(viewer: Viewer) -> None:
-    """Add controls for the quantity that colours show, and for forces, if the view has such quantities or forces."""
+    """Adds controls for colours by a quantity and for forces, if the view has such quantities or forces."""
     gui = viewer.server.gui
     if viewer.poses.shades:
         plain = "body"
@@ -123,7 +123,7 @@ class Sliders:
         self.wanted.set()
 
     def _follow(self) -> None:
-        """Show each change, or the last of several."""
+        """Shows each change; of several waiting changes, only the last."""
         while True:
             self.wanted.wait()
             self.wanted.clear()
@@ -136,7 +136,7 @@ class Sliders:
 
 
 def around(values: Array) -> tuple[Array, Array]:
-    """Lower and upper ends of sliders: half and one and a half times each number; -1 and 1 for zero."""
+    """Lower and upper ends of sliders: 0.5 and 1.5 times each number, or -1 and 1 for zero."""
     half = np.where(values == 0.0, 1.0, np.abs(values) / 2)
     return values - half, values + half
 

@@ -1,4 +1,4 @@
-"""Forces for arrows: reactions, and the forces of force elements, from their laws in `model.json`."""
+"""Forces that arrows show: reactions, and forces of force elements, computed from their laws in `model.json`."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .poses import Arrows, Poses
 from .scene import GROUND, Scene
 
 KINDS = {"reactions": "#d55e00", "forces": "#009e73", "torques": "#aa4499"}
-"""Colours of arrows: reactions of joints and loops, N; forces of force elements, N; torques of these, N m."""
+"""Colours of arrows: reactions of joints and loops, N; forces of force elements, N; their torques, N m."""
 
 
 def arrows_of(found: Sequence[tuple[Array, Array]], poses: Poses) -> Arrows:
-    """Places (nt, 3) or (nt, n, 3) and vectors of the same shape, joined."""
+    """Places (nt, 3) or (nt, n, 3) and vectors of the same shape, joined to one array."""
     shape = (len(poses.t), -1, 3)
     places, vectors = (np.concatenate([x[k].reshape(shape) for x in found], axis=1) for k in (0, 1))
     finite = np.isfinite(places).all(axis=-1) & np.isfinite(vectors).all(axis=-1)
@@ -68,7 +68,7 @@ class AppliedForces:
                 self.known |= {f"position.{name}.{c}": x[:, i], f"velocity.{name}.{c}": v[:, i]}
 
     def found(self) -> dict[str, Arrows]:
-        """Arrows of forces and of torques; kinds that the model does not have are left out."""
+        """Arrows of forces and of torques, of the kinds that the model has."""
         forces: list[tuple[Array, Array]] = []
         torques: list[tuple[Array, Array]] = []
         ends = iter(self.scene.ends)
