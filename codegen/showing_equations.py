@@ -1,4 +1,5 @@
-"""``ordernm equations`` and ``ordernm statements``: what a model computes, printed or written to a file."""
+"""``ordernm equations`` and ``ordernm statements``: prints the formulas that a model computes, or writes them to a
+file."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ MARKED = {"": "# {}\n", "sympy": "# {}\n", "latex": "% {}\n", "mathml": "<!-- {}
 
 
 class WrongRequest(Failure):
-    """The model lacks the requested equations, or an argument names nothing in the model."""
+    """Raised if the model lacks the requested equations, or if an argument names nothing in the model."""
 
     code = MODEL_WRONG
 

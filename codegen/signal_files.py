@@ -19,7 +19,7 @@ TIMES = ("t", "time")
 
 
 class SignalFileError(ValueError):
-    """A file contains no valid signals; the message gives the position, what was found and what is expected."""
+    """Raised if a file contains no valid signals; the message gives place, finding and expectation."""
 
 
 def is_signal_file(text: str) -> bool:

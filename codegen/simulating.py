@@ -38,11 +38,11 @@ ROWS, COLUMNS = 24, 6
 
 
 class RequestError(Failure, ValueError):
-    """The command line requests something impossible."""
+    """Raised if the command line requests something impossible."""
 
 
 class MotionError(Failure, ArithmeticError):
-    """The motion cannot be computed: a loop does not close, a joint is singular, or steps become too small."""
+    """Raised if a motion cannot be computed: a loop does not close, a joint is singular, or steps become too small."""
 
     code = NUMBERS_FAILED
 
@@ -224,7 +224,7 @@ def _with_choices(
 
 @contextlib.contextmanager
 def _remarks(remarks: list[str]) -> Iterator[None]:
-    """Collects Python's warnings, without repetitions."""
+    """Python's warnings in the block, without repetitions."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
         try:
@@ -235,7 +235,7 @@ def _remarks(remarks: list[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def motion_errors() -> Iterator[None]:
-    """Distinguishes errors of `Solver.simulate`: the request is wrong, or the motion cannot be computed."""
+    """Converts errors of `Solver.simulate` to errors of the request or of the motion."""
     from numpy.linalg import LinAlgError
 
     from .runtime import AssemblyError, CompileError, NoCompilerError

@@ -1,4 +1,4 @@
-"""First models for ``ordernm new``: a file for each, in which NAME stands for the name of the model."""
+"""First models for ``ordernm new``: one file each, with NAME in place of the name of the model."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def starters() -> dict[str, str]:
 
 
 def text_of(starter: str, name: str) -> str:
-    """The text of a starter for a model of some name."""
+    """The text of a starter for a model with the given name."""
     return (FOLDER / f"{starter}.yaml").read_text(encoding="utf-8").replace("NAME", name)

@@ -197,7 +197,7 @@ def counted(n: int, one: str, many: str = "") -> str:
 
 
 def first(lines: Iterable[object], limit: int, more: str) -> list[str]:
-    """The first `limit` lines; a last line tells the number of further lines."""
+    """The first `limit` lines, followed by a line with the number of further lines."""
     found = [str(line) for line in lines]
     return found if len(found) <= limit else [*found[:limit], more.format(len(found) - limit)]
 

@@ -18,13 +18,13 @@ WIDTH = 110
 """Maximum number of characters in a line of a signature."""
 
 TIE = "\N{NO-BREAK SPACE}"
-"""Stands for a space at which lines must not break."""
+"""A character in place of a space at which a line must not break."""
 
 ENTRIES = {
     "Coordinates": "coordinate_names", "Speeds": "speed_names", "Parameters": "parameter_names", "Inputs": "input_names",
     "Outputs": "output_names",
 }  # fmt: skip
-"""Types of mappings from names to numbers; for each type, the key under which a manifest lists these names."""
+"""Types of mappings from names to numbers, each with the key of the manifest that lists the names."""
 
 MAPPINGS = {
     **dict.fromkeys(("q", "dq", "dq0", "weights_q"), "Coordinates"),
@@ -47,7 +47,7 @@ PLAIN = {
 STANDARD = {
     "collections.abc": {"Callable", "Sequence"}, "pathlib": {"Path"}, "typing": {"Any", "Literal", "TypedDict"},
 }  # fmt: skip
-"""Modules from which types in a stub may come."""
+"""Modules whose types may occur in a stub."""
 
 
 def stub_context(manifest: Mapping[str, Any]) -> dict[str, Any]:

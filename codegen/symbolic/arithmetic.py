@@ -18,7 +18,7 @@ from ..reference.pairs import Pair
 from .polynomials import Algebra, Polynomial, exact
 
 FACTORED = 3
-"""Positions and velocities of at most this many terms are multiplied out in forces and outputs."""
+"""Maximum number of terms of positions and velocities that are multiplied out in forces and outputs."""
 
 
 class SymbolicArithmetic(Arithmetic):
@@ -66,7 +66,7 @@ class SymbolicArithmetic(Arithmetic):
         return self._cases((value, sympy.Lt(x.short, 0)), (otherwise, sympy.true))
 
     def of_largest(self, numbers: Sequence[Polynomial], values: Sequence[Polynomial]) -> Polynomial:
-        """The value of the largest number, as a piecewise expression; of equally large numbers, the value of one."""
+        """The largest number, as a piecewise expression; for equally large numbers, the value of any of them."""
         x = [number.short for number in numbers]
         largest = [sympy.And(*(sympy.Ge(a, b) for b in x[i + 1 :])) for i, a in enumerate(x)]
         return self._cases(*zip(values, largest, strict=True))
@@ -83,6 +83,6 @@ class SymbolicArithmetic(Arithmetic):
         return Pair(value, pair.tangent)
 
     def value_of(self, expression: Expression, values: Mapping[str, Polynomial]) -> Polynomial:
-        """An expression of a model, with polynomials for its names."""
+        """The value of a model's expression, with polynomials for its names."""
         known = {name: values[name].short for name in expression.names}
         return self.algebra.convert(to_sympy(expression, known, number=exact))

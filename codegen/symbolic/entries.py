@@ -10,7 +10,7 @@ import sympy
 from .polynomials import Polynomial
 
 LONGEST = 400
-"""A sum of more terms is computed in parts: compilers limit how deep operators are nested."""
+"""Maximum number of terms of a sum that is computed at once, since compilers limit the nesting of operators."""
 
 LARGEST = 2**53
 """Largest integer up to which all integers are exact as floats."""
@@ -19,7 +19,7 @@ LARGEST = 2**53
 def needed(
     of: Iterable[sympy.Basic], definitions: Sequence[tuple[sympy.Symbol, sympy.Expr | Polynomial]]
 ) -> dict[sympy.Symbol, sympy.Expr]:
-    """The intermediate variables that expressions and matrices need, in the order of their definitions."""
+    """The intermediate variables of expressions and matrices, in the order of their definitions."""
     needed, found = {s for e in of for s in e.free_symbols}, {}
     for symbol, value in reversed(definitions):
         if symbol in needed:
@@ -29,7 +29,7 @@ def needed(
 
 
 def count(e: sympy.Basic, known: dict[sympy.Basic, int]) -> int:
-    """Number of terms of an expression; in a product, the terms of all factors that are sums are counted."""
+    """Number of terms of an expression; for a product, the terms of all its factors that are sums."""
     if e not in known:
         inner = [count(x, known) for x in e.args]
         known[e] = sum(inner) if e.is_Add else sum(n for n in inner if n > 1) or 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class SymbolicError(ValueError):
-    """A request that cannot be met, or a part of a model without a formula that sympy can hold."""
+    """Raised for a request that cannot be met, or a part of a model without a formula that sympy can represent."""
 
 
 class TooLargeError(SymbolicError):

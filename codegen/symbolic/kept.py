@@ -1,4 +1,4 @@
-"""Symbols for quantities that statements read and store: memory, and arguments and results by their names in the model."""
+"""Symbols for quantities in statements: memory, and arguments and results by their names in the model."""
 
 from __future__ import annotations
 
@@ -76,14 +76,15 @@ def kept(store: Store, component: str) -> sympy.Expr:
 
 
 def constant(store: str, component: str, owner: Constants | None) -> sympy.Symbol:
-    """The symbol of a constant, or of its derivative by a parameter; `owner` is the only owner, which names the parameter."""
+    """The symbol of a constant, or of its derivative with respect to a parameter; its only `owner` names the
+    parameter."""
     field, slash, parameter = component.partition("/")
     name = owner.parameters[int(parameter)] if owner is not None and slash else parameter
     return symbol(f"{store}.{field}{slash}{name}")
 
 
 def of_constants(users: Sequence[Constants], store: Store, component: str) -> sympy.Expr:
-    """The symbol of a component in a block of constants; in a block with one user, that component's parameter or number."""
+    """The symbol of a component in a block of constants; if the block has one owner, its parameter or number."""
     if store is SHAPE:
         return constant("c", component, users[0] if len(users) == 1 else None)
     if len(users) == 1 and store is NUMBER:

@@ -1,4 +1,4 @@
-"""Expressions of sympy as presentation MathML: complete XML that fetches nothing."""
+"""Expressions of sympy as presentation MathML, as complete XML without external resources."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from sympy.logic.boolalg import And, BooleanFalse, BooleanTrue, Not, Or
 from .names import GREEK_LETTERS, parts_of
 
 SUM, PRODUCT, ATOM = range(3)
-"""How strongly expressions bind: sums least, atoms most."""
+"""Strengths with which expressions bind: that of sums is least, that of atoms greatest."""
 
 NAMES = {"Abs": "abs", "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "atan2", "Max": "max", "Min": "min",
          "Mod": "mod", "log": "ln", "sign": "sign", "floor": "floor"}  # fmt: skip
-"""Names of functions in MathML where they differ from sympy's."""
+"""Names of functions in MathML that differ from sympy's."""
 
 RELATIONS = {">=": "≥", "<=": "≤", ">": "&gt;", "<": "&lt;", "==": "=", "!=": "≠"}
 
@@ -38,7 +38,7 @@ def table(rows: Iterable[Iterable[str]], attributes: str) -> str:
 
 
 LARGEST = 100_000
-"""Largest denominator of fractions that are printed as such."""
+"""Largest denominator of a fraction that is printed as a fraction."""
 
 TIMES = '<mo lspace="0" rspace="0.17em">\u2062</mo>'
 """The thin space between factors."""
@@ -64,7 +64,7 @@ def scripts(base: str, below: str = "", above: str = "") -> str:
 
 
 def symbol_of_model(symbol: sympy.Symbol) -> str:
-    """A symbol by its name in the model: ``q.crank`` is q with the subscript crank."""
+    """MathML of a symbol, from its name in the model: ``q.crank`` is q with the subscript crank."""
     base, below, is_rate, is_seed = parts_of(symbol.name)
     letter = word(base)
     if is_rate:
@@ -105,7 +105,7 @@ class MathML:
         return f'<math xmlns="http://www.w3.org/1998/Math/MathML" displaystyle="true">{row(*parts)}</math>'
 
     def matrix(self, of: sympy.MatrixBase) -> str:
-        """A matrix in round brackets, drawn as borders because brackets of fonts do not always grow with it."""
+        """MathML of a matrix in round brackets, drawn as borders because brackets of fonts do not always grow."""
         if len(of) == 1:
             return self(of[0])
         rows = [[self(of[i, j]) for j in range(of.cols)] for i in range(of.rows)]
@@ -114,7 +114,7 @@ class MathML:
         )
 
     def _bound(self, e: sympy.Basic, strength: int) -> str:
-        """The text of an expression, in brackets if it binds less strongly than `strength`."""
+        """The text of an expression, in brackets if it binds more weakly than `strength`."""
         text, own = self._printed(e)
         return row(operator("("), text, operator(")")) if own < strength else text
 

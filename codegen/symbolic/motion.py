@@ -23,7 +23,7 @@ from .size import expected_terms, most_terms
 from .system import MOST_TERMS, SymbolicEngine, matrix_of, symbols_of
 
 FORMS = ("tree", "multipliers", "embedded")
-"""Forms of the equations: of models without loops; of models with loops, with multipliers or in the independent speeds."""
+"""Forms of the equations: without loops, with loops and multipliers, or in the independent speeds."""
 
 MOST_PRODUCTS = 600_000
 """Largest number of products of terms for equations that are computed without `force`."""
@@ -367,7 +367,7 @@ def _computed(
 
 
 def _smaller(model: Model, given: dict[str, sympy.Expr], form: str, intermediates: bool) -> str:
-    """The size of the equations with intermediate variables, as a part of a message."""
+    """The size of the equations with intermediate variables, as part of a message."""
     if intermediates:
         return "Please "
     try:

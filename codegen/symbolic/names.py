@@ -19,7 +19,7 @@ GREEK_LETTERS = dict(
 """Words that are typeset as Greek letters."""
 
 ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p": ""}
-"""First parts of dotted names, each with its letter for typesetting; parameters have no such part."""
+"""First parts of dotted names, each with its typeset letter; names of parameters have no such part."""
 
 
 def parts_of(name: str) -> tuple[str, str, bool, bool]:
@@ -52,7 +52,7 @@ def latex_name(name: str) -> str:
 
 
 def latex_word(text: str) -> str:
-    """A letter slanted, a word upright, Greek words as letters."""
+    """A word for typesetting: letters slanted, words upright, Greek words as letters."""
     if text in GREEK_LETTERS:
         return f"\\{text}"
     escaped = text.replace("_", "\\_")
@@ -60,7 +60,7 @@ def latex_word(text: str) -> str:
 
 
 def unused_prefix(letter: str, names: Iterable[str]) -> str:
-    """A prefix: the letter, repeated until no name consists of the prefix and a number."""
+    """A prefix made by repeating the letter, so that no name consists of the prefix and a number."""
     prefix, known = letter, list(names)
     while any(name.startswith(prefix) and name[len(prefix) :].isdigit() for name in known):
         prefix += letter

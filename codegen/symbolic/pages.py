@@ -1,4 +1,4 @@
-"""Pages of equations: HTML with MathML, in one file that fetches nothing."""
+"""Pages of equations: HTML with MathML, in one file without external resources."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ details { border-top: 1px solid #ccc; padding: .6rem 0; } summary { cursor: poin
 """
 
 OPEN = 1500
-"""A page with at most this many statements shows all sweeps; on a larger page the reader opens single sweeps."""
+"""Maximum number of statements of a page that shows all sweeps; on a larger page, the reader opens sweeps."""
 
 WIDTH = 110
 """Number of characters of a sum, in sympy's notation, on one line."""
@@ -105,7 +105,7 @@ def _said(sweep: SweepOfUnits) -> str:
 
 
 def _unit(unit: Unit) -> list[str]:
-    """The statements of a unit, with the names of all links or elements that share these statements."""
+    """The statements of a unit, with the names of all units that share them."""
     printer = MathML(partial(mathml_symbol, unit))
     body = [f"<h3>{escape(unit.what)}: {escape(', '.join(unit.members))}</h3>"]
     for a in unit.assignments:

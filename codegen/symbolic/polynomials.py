@@ -18,7 +18,7 @@ import sympy
 from .errors import TooManyProductsError
 
 Monomial = tuple[tuple[int, int], ...]
-"""Exponents of the atoms in a product, by the numbers of the atoms, in the order of the atoms."""
+"""Exponents of the atoms in a product, with the numbers of the atoms, in the order of the atoms."""
 
 Rational = int | Fraction
 
@@ -27,20 +27,20 @@ Terms = dict[Monomial, Rational]
 fractions."""
 
 DENOMINATOR, OF_PI = 100_000, 1000
-"""Largest denominators of fractions, and of multiples of pi, that replace floats that are not short decimals."""
+"""Largest denominators of fractions and of multiples of pi that replace floats which are not short decimals."""
 
 SHORT = 15
-"""A float with at least this many digits is not a short decimal."""
+"""Number of digits from which a float is not a short decimal."""
 
 
 LONGEST_FACTOR, LONGEST_SUM = 2, 40
-"""With intermediate variables: largest number of terms of a factor, and of a sum, that is not replaced by a symbol."""
+"""With intermediate variables: largest number of terms of a factor, and of a sum, that gets no symbol."""
 
 PI = Fraction(str(sympy.pi.evalf(40)))
 
 
 class UndecidedError(TypeError):
-    """Raised if a formula compares symbols, so that it has different values in different states."""
+    """Raised if a formula compares symbols, so that its branch differs between states."""
 
 
 class Atom:

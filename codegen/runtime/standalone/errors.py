@@ -9,23 +9,23 @@ import numpy as np
 
 
 class CompileError(RuntimeError):
-    """The C compiler rejected the generated source; the message gives the paths of the source and the log."""
+    """Raised if the C compiler rejects the generated source; the message gives the paths of the source and the log."""
 
 
 class PackageError(ValueError):
-    """A folder contains no package, or one that has been changed since `generate` wrote it."""
+    """Raised if a folder contains no package, or a package that was changed after `generate` wrote it."""
 
 
 class FlagsError(CompileError, ValueError):
-    """An environment variable, such as ``ORDERNM_CFLAGS``, has an invalid value."""
+    """Raised if an environment variable, such as ``ORDERNM_CFLAGS``, has an invalid value."""
 
 
 class NoCompilerError(RuntimeError):
-    """No C compiler, or no way to call C, is available."""
+    """Raised if there is no C compiler, or no way to call C."""
 
 
 class _Remembering(Exception):
-    """An error whose attributes, besides the message, are kept when it is pickled, as in a pool of processes."""
+    """An error that keeps all its attributes when it is pickled, as in a pool of processes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (type(self), str(self)), self.__dict__
@@ -176,7 +176,7 @@ class EquilibriumError(_Remembering, ValueError):
 
 
 class TargetsDifferError(ArithmeticError):
-    """The compiled C and the NumPy module of a package return different numbers."""
+    """Raised if the compiled C and the NumPy module of a package return different numbers."""
 
 
 class SimulationError(_Remembering, ArithmeticError):

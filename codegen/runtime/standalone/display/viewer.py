@@ -69,7 +69,7 @@ class Nodes:
         self.handles: dict[str, Any] = {}
 
     def show(self, poses: Poses, i: int, shade: str = "", arrows: Collection[str] = ()) -> None:
-        """Show the scene at time i, with bodies coloured by the parameter `shade`, if there is one, and some kinds of arrows."""
+        """Shows the scene at time i with some kinds of arrows; the parameter `shade`, if given, colours the bodies."""
         shown = poses.shades.get(shade)
         colors = None if shown is None else _scale(shown[i] / (float(np.nanmax(shown, initial=0.0)) or 1.0))
         with self.server.atomic():
@@ -113,7 +113,7 @@ class Nodes:
             )
 
     def _arrows(self, kind: str, arrows: Arrows | None, i: int) -> None:
-        """Arrows of a kind at time i, the longest of the motion a quarter of the mechanism's size; None: no arrows."""
+        """Arrows of a kind at time i, or None; the longest of the motion is a quarter of the mechanism's size."""
         if arrows is None or not (largest := arrows.largest):
             if (known := self.handles.pop(kind, None)) is not None:
                 known.remove()
@@ -141,7 +141,7 @@ def colors_of(bodies: Indices, color: str) -> Array:
 
 
 def _scale(x: Array) -> Array:
-    """Colours (n, 3), 0 to 255: from light grey for 0 over orange to dark red for 1; black where there is no number."""
+    """Colours (n, 3), 0 to 255: light grey for 0, orange, dark red for 1; black for entries that are not numbers."""
     stops = np.array([[0.0, 0.5, 1.0], [225, 240, 150], [225, 160, 10], [225, 40, 30]])
     scaled = np.stack([np.interp(x, stops[0], row) for row in stops[1:]], axis=1)
     return np.where(np.isnan(x)[:, None], 0.0, scaled).astype(np.uint8)
@@ -223,7 +223,7 @@ class Viewer:
         self.show(self.i)
 
     def replace(self, scene: Scene, poses: Poses) -> None:
-        """Show another scene of the model, such as one of other parameters."""
+        """Shows another scene of the model, for example with other parameters."""
         with self.lock:
             self.nodes.remove()
             self.poses, self.nodes = poses, Nodes(self.server, scene, self.meshes, self.size)
@@ -316,7 +316,7 @@ def frames_of(t: Array, what: str) -> list[tuple[int, float]]:
 
 
 def _box(scene: Scene, poses: Poses) -> tuple[Array, Array]:
-    """Corners of a box around the joints, the points and the solids' centres at some times."""
+    """Corners of a box that contains joints, points and centres of solids at some times."""
     steps = np.unique(np.linspace(0, len(poses.t) - 1, 20).astype(int))
     found = [poses.position[0]]
     for i in steps:
@@ -329,7 +329,7 @@ def _box(scene: Scene, poses: Poses) -> tuple[Array, Array]:
 
 
 def _check_port(port: int) -> None:
-    """Refuse ports that do not exist or that another program uses; viser would take another port."""
+    """Raises an error for ports that do not exist or are in use, for which viser would take another port."""
     if not isinstance(port, int) or not 0 <= port <= LARGEST_PORT:
         raise ValueError(f"port is {port!r}; 1 to {LARGEST_PORT} are allowed, and 0 for any that is free")
     with socket.socket() as s:

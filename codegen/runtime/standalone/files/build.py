@@ -94,7 +94,7 @@ class Build:
             self.places.append(user_cache() / name)
 
     def key(self) -> str:
-        """First part of the library's file name; contains ``*`` in place of the compiler's key if there is no compiler."""
+        """First part of the library's file name; without a compiler, ``*`` stands for the compiler's key."""
         source = hashlib.sha256()
         for text in _texts(self.sources):
             source.update(text)
@@ -183,7 +183,7 @@ class Build:
         return not refused and made.exists()
 
     def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
-        """Compiles the sources in parallel and links them. Returns whether this failed, and the log."""
+        """Compiles the sources in parallel and links them; returns whether this failed, and the log."""
         common = [*self.compiler, *STANDARD, *flags]
         if len(self.sources) == 1:
             return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]], self.stop)
@@ -203,7 +203,7 @@ class Build:
 
 
 def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
-    """Contents of C files and of all files included in them, each file once."""
+    """Contents of C files and of all files that they include, each file once."""
     known, waiting = set(sources), [*reversed(sources)]
     while waiting:
         file = waiting.pop()
@@ -239,7 +239,8 @@ def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[
 
 
 def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:
-    """What `generate` compiles: the library that most calls need, or all; of further partitions, the one that motions need."""
+    """The build that `generate` compiles: the library of most calls, or all; of further partitions, that for
+    motions."""
     found = builds(folder, manifest)
     whole, *first = found.values()
     if everything or not first:

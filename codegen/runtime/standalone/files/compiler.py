@@ -34,10 +34,11 @@ of 500, 500 and 4 take up to 20 per cent longer, and change the number of instru
 0.6 per cent."""
 
 COMPILE_SECONDS = 600.0
-"""A compiler that takes longer is stopped; the environment variable ``ORDERNM_COMPILE_SECONDS`` sets another limit."""
+"""Seconds after which a compiler is stopped; the environment variable ``ORDERNM_COMPILE_SECONDS`` sets another
+limit."""
 
 LONGEST_WAIT = 1e6
-"""Longest wait, in seconds: the system counts milliseconds in a limited range."""
+"""Longest wait, s, since the system counts milliseconds in a limited range."""
 
 VERSION_SECONDS = 60.0
 """Time limit for printing the compiler's version, in seconds."""
@@ -49,7 +50,7 @@ FORBIDDEN = (
     "-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations", "-fassociative-math", "-fno-honor-nans",
     "-fno-honor-infinities", "-ffp-model=fast", "-ffp-model=aggressive", "-fsingle-precision-constant",
 )  # fmt: skip
-"""Flags that break sines and cosines (which are computed as sums of parts), pivots, or tests for infinite numbers."""
+"""Flags that break sines and cosines (which are sums of parts), pivots, or tests for infinite numbers."""
 
 
 def find_compiler() -> list[str]:
@@ -127,7 +128,7 @@ def compile_seconds() -> float:
 
 @functools.cache
 def processor() -> str:
-    """The properties of the processor on which -march=native depends."""
+    """The properties of the processor that determine the result of -march=native."""
     features = [platform.machine()]
     if sys.platform == "darwin":
         with contextlib.suppress(OSError):
@@ -192,7 +193,7 @@ class Stop:
         self.running: list[subprocess.Popen[bytes]] = []
 
     def now(self) -> None:
-        """Stops all running compilers, and lets no further compiler start."""
+        """Stops all running compilers, and prevents further compilers from starting."""
         self.asked = True
         for process in list(self.running):
             with contextlib.suppress(OSError):

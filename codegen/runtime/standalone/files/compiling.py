@@ -1,4 +1,4 @@
-"""Reports, on a terminal or in a notebook, that a call waits for a compiler, and adds up the waiting times."""
+"""Reports on a terminal or in a notebook that a call waits for a compiler, and adds up the waiting times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from .watched import is_watched
 
 PATIENCE = 1.0
-"""Waiting time before the report, s."""
+"""Waiting time before the first report, s."""
 
 
 class _Waited(threading.local):
@@ -35,7 +35,7 @@ _say_to: Callable[[str], None] | None = _say
 
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
-    """Suppresses the report of waiting, for commands that show their own progress."""
+    """Suppresses the report of waiting; used by commands that show their own progress."""
     global _say_to
     before, _say_to = _say_to, None
     try:
@@ -46,7 +46,7 @@ def silent() -> Iterator[None]:
 
 @contextlib.contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """Context in which `what` is compiled."""
+    """A context in which `what` is compiled."""
     timer = threading.Timer(PATIENCE, _say_to, [what]) if _say_to is not None and is_watched(sys.stderr) else None
     began = time.perf_counter()
     if timer is not None:

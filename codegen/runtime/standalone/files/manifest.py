@@ -1,4 +1,4 @@
-"""``model.json``, the manifest of a package: its seal, reading it, and comparing digests of the other files."""
+"""``model.json``, the manifest of a package: its seal, its content, and the digests of the other files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SEAL = ',\n "seal": "'
 
 
 def seal(text: str) -> str:
-    """The text of ``model.json`` with a digest of itself as the last entry, which detects damage."""
+    """The text of ``model.json`` whose last entry is a digest of the text, which detects damage."""
     body = text.rstrip().removesuffix("}").rstrip()
     return f'{body}{SEAL}{hashlib.sha256(body.encode()).hexdigest()}"\n}}\n'
 
@@ -98,7 +98,7 @@ def check_files(folder: Path, manifest: Mapping[str, Any], suffixes: tuple[str, 
 
 
 def file_digest(content: bytes) -> str:
-    """The digest of a file that the manifest stores."""
+    """The digest of a file, as the manifest stores it."""
     return hashlib.sha256(content).hexdigest()[:16]
 
 

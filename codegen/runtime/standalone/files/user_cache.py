@@ -19,7 +19,7 @@ _warned: set[str] = set()
 
 
 class CacheError(OSError):
-    """A file or folder of the cache belongs to another user, or other users can write to it."""
+    """Raised if a file or folder of the cache belongs to another user, or if other users can write to it."""
 
 
 def user_cache() -> Path:
@@ -101,7 +101,7 @@ def refuse_writable(place: Path) -> None:
 
 
 def trusted(place: Path) -> bool:
-    """Whether a path may be used: in the cache, only if other users cannot write to it. Warns once per reason."""
+    """Whether a path may be used; other users must not be able to write to the cache. Warns once per reason."""
     if not in_cache(place):
         return True
     try:

@@ -7,7 +7,7 @@ import sys
 from typing import Any, TextIO
 
 SILENT = ("0", "off", "no")
-"""Values of ``ORDERNM_PROGRESS`` that switch progress off."""
+"""Values of ``ORDERNM_PROGRESS`` that turn progress off."""
 
 
 def is_terminal(stream: TextIO | Any) -> bool:
@@ -31,7 +31,8 @@ def in_notebook() -> bool:
 
 
 def is_watched(stream: TextIO | Any) -> bool:
-    """Whether a person sees progress: on a terminal whose lines can be erased, or in a notebook, unless it is switched off."""
+    """Whether a person sees progress: on a terminal whose lines can be erased, or in a notebook, unless it is turned
+    off."""
     if os.environ.get("ORDERNM_PROGRESS", "").lower() in SILENT:
         return False
     return can_move(stream) or in_notebook()

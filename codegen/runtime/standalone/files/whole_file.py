@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 MARK = "ordernm wrote this file and may replace it"
-"""Marks files written by commands, so that they can be distinguished from a user's own files."""
+"""The mark of files written by commands, which distinguishes them from a user's own files."""
 
 
 def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: type[ValueError], said: str) -> str:
-    """The suffix of a file in lower case; raises `error` with the text `said` if it is not among `known`."""
+    """The suffix of a file in lower case; if it is not in `known`, `error` is raised with the text `said`."""
     found = Path(path).suffix.lower()
     if found not in known:
         seen = f"ends in {found}" if found else "has no suffix"

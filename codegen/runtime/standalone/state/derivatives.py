@@ -168,4 +168,4 @@ class HessianProducts(NamedTuple):
 
 
 HESSIAN_PRODUCTS = Wanted("hessian_products", [f"dg{n}" for n in JACOBIANS])
-"""Changes of the gradients by all arguments, including those that are structurally zero."""
+"""Changes of the gradients with respect to all arguments, including those that are zero in every state."""

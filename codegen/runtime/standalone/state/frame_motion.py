@@ -1,4 +1,4 @@
-"""Motion of body frames and of points fixed in bodies; the motion of points follows from that of the frames."""
+"""Motion of body frames and of points fixed in bodies; that of points follows from that of frames."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ AT_REST = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, *[0.0] * 9])
 
 
 def _with_one(x: Array, last: Array | float) -> Array:
-    """Appends one row to numbers (..., n, m)."""
+    """The numbers (..., n, m) with one more row at the end."""
     found = np.empty((*x.shape[:-2], x.shape[-2] + 1, x.shape[-1]), x.dtype)
     found[..., :-1, :], found[..., -1, :] = x, last
     return found
@@ -165,7 +165,7 @@ def _in_words(what: str, names: Sequence[str], arrays: Iterable[tuple[str, Array
 
 
 def _in_html(motion: FrameMotion | PointMotion, arrays: Sequence[tuple[str, Array | None]]) -> str:
-    """Vectors of each body or point in one state, else shapes."""
+    """Vectors of each body or point if there is one state, otherwise shapes."""
     found = [(name, x) for name, x in arrays if x is not None]
     n = len(motion.names)
     if any(x.shape not in ((3,), (n, 3)) for _, x in found):

@@ -19,7 +19,7 @@ MOST_CHOICES = 64
 """Number of selections of points that are kept."""
 
 Bodies = str | Sequence[str] | None
-"""Names of bodies, a single name, or None for all."""
+"""Names of bodies: several, a single one, or None for all."""
 Points = Any
 """Points as a user selects them: names of points or bodies of the model, pairs of a body and a place in its frame, or a
 single such item. None: all points of the model."""
@@ -109,7 +109,7 @@ class Frames(Room):
         return [_place(n, known, "bodies") for n in names], names
 
     def _chosen(self, points: Points) -> _Chosen:
-        """The selected points; a selection is kept, because loops in a user's program repeat it."""
+        """The selected points; the selection is stored, because loops in a user's program repeat it."""
         key = tuple(points) if isinstance(points, list) else points
         try:
             found = self._chosen_before.get(key)
@@ -177,7 +177,7 @@ class Frames(Room):
 
 
 NOTHING = Wanted("", ())
-"""Replaces a function that the package lacks."""
+"""A call for a function that the package lacks."""
 
 
 class _Chosen:
@@ -351,7 +351,7 @@ def _place(name: Any, known: Sequence[str], what: str) -> int:
 
 
 def _columns(angular: Array, linear: Array) -> Array:
-    """Jacobians (..., n, 6, nu) from derivatives by each speed (nu, ..., n, 3)."""
+    """Jacobians (..., n, 6, nu) from derivatives with respect to each speed (nu, ..., n, 3)."""
     return _last(np.concatenate([angular, linear], axis=-1))
 
 

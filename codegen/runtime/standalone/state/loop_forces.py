@@ -24,7 +24,7 @@ from ..calls.results import places, put
 from ..calls.room import Room
 
 FAST = 2.0**40
-"""Factor on unit speeds; beside speeds of this size, prescribed motion is negligible."""
+"""Factor on unit speeds that makes the speeds of prescribed motion negligible."""
 
 
 class LoopForces(Room):

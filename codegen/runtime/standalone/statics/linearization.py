@@ -17,10 +17,10 @@ Complex = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 
 REPEATED = 1e-7
-"""Eigenvalues count as repeated if their distance is below this fraction of the largest eigenvalue."""
+"""Distance of two eigenvalues, relative to the largest eigenvalue, below which they count as repeated."""
 
 ZERO = 3e-7
-"""An eigenvalue counts as zero below this fraction of the largest; a double zero is perturbed by the root of rounding errors."""
+"""Fraction of the largest eigenvalue below which an eigenvalue is zero; rounding perturbs a double zero by a root."""
 
 NO_NUMBER = complex(np.nan, np.nan)
 

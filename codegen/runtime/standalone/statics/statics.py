@@ -28,11 +28,11 @@ POOR = 1e4
 """Condition number of a closure matrix above which a warning says that equilibria and linearisations are doubtful."""
 
 AT_REST = 1e-7
-"""Acceleration, relative to that of a small motion, below which `linearize` takes a state for an equilibrium."""
+"""Acceleration, relative to that of a small motion, below which `linearize` treats a state as an equilibrium."""
 
 
 class Statics(Room):
-    """Finds equilibria, and linearises the equations of motion."""
+    """Methods that find equilibria and linearise the equations of motion."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package)
@@ -123,7 +123,7 @@ class Statics(Room):
         return TangentSpace({**self._manifest, **self._opened.manifest})
 
     def _point(self, q: Numbers, u: Any, p: Numbers, inputs: Numbers, t: Times) -> Point:
-        """One assembled state; u may be 0.0 for rest."""
+        """One assembled state; u may be 0.0, which means rest."""
         q = self.states.assemble(None, None, p, None, 0.0)[0] if q is None else q
         u = np.zeros(self.nu) if isinstance(u, float) else u
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
@@ -201,7 +201,8 @@ class Statics(Room):
         return loops[int(np.argmax(of_loops))]
 
     def _following(self, at: Point, m: Motions, space: TangentSpace, along: Named) -> Array:
-        """dq (k, nq): derivatives of an equilibrium by parameters and inputs; NaN if no equilibrium exists nearby."""
+        """dq (k, nq): derivatives of an equilibrium with respect to parameters and inputs; NaN if none exists
+        nearby."""
         if not along.names:
             return np.zeros((0, self.nq))
         pushes = self._accelerations_along(at, dp=along.p, dinputs=along.inputs)[1][:, space.speeds]
@@ -213,7 +214,7 @@ class Statics(Room):
         return dq
 
     def _asked_outputs(self, outputs: str | Sequence[str] | None) -> tuple[str, ...]:
-        """Names of the requested outputs; raises if one is unknown or has no derivatives."""
+        """Names of the requested outputs; an error is raised if one is unknown or has no derivatives."""
         if outputs is None:
             return self.output_names if "output_sensitivities" in self._functions else ()
         asked = (outputs,) if isinstance(outputs, str) else tuple(outputs)

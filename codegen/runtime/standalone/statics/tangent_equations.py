@@ -32,7 +32,7 @@ class Point(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Derivatives of a state by m parameters: (m, n) for each array."""
+    """Derivatives of a state with respect to m parameters: (m, n) for each array."""
 
     q: Array
     u: Array
@@ -75,7 +75,7 @@ class TangentEquations:
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 
     def derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
-        """Derivatives (m, ...) of the matrices, when the state changes by `along`."""
+        """Derivatives (m, ...) of the matrices if the state changes by `along`."""
         width = max(1, NUMBERS // max(1, len(self.seeds["dq"])))
         starts = range(0, max(1, len(along.p)), width)
         parts = [self._derivatives(second, Motion(*(x[i : i + width] for x in along))) for i in starts]
@@ -114,7 +114,7 @@ class TangentEquations:
         return self.space.components(self.tangents, here - there).T
 
     def _bracket_derivatives(self, second: SecondDerivatives, given: dict[str, Any], dN: Array) -> Array:
-        """Derivatives of W (n, n) by m parameters, (m, n, n)."""
+        """Derivatives of W (n, n) with respect to m parameters, (m, n, n)."""
         m, n = dN.shape[:2]
         if not self.moves:
             return np.zeros((m, n, n))

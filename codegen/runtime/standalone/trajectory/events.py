@@ -127,7 +127,8 @@ def crossings_of(
 
 
 def of_another_version(given: Any, known: Any) -> str:
-    """Text for a message if an object's class has a known name but belongs to another version of ordernm; else empty."""
+    """Text of a message if an object's class has a known name but belongs to another version of ordernm; otherwise
+    empty."""
     if type(given).__name__ not in {kind.__name__ for kind in known}:
         return ""
     return (

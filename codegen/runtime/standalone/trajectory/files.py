@@ -31,7 +31,7 @@ KEY = b"ordernm_trajectory"
 """Key of the JSON in the metadata of a Parquet schema."""
 
 EVENTS = b"ordernm_events"
-"""Key of the numbers of events in the metadata of a Parquet schema. They are bytes, because JSON would not keep every NaN."""
+"""Metadata key of the numbers of events in a Parquet schema. They are bytes, because JSON cannot store every NaN."""
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
 """Columns of Parquet files only; names of outputs contain no dot."""
@@ -40,13 +40,13 @@ DAMAGE = (
     ValueError, TypeError, EOFError, KeyError, OverflowError, MemoryError, RecursionError, zipfile.BadZipFile, zlib.error,
     NotImplementedError, SyntaxError, RuntimeError, OSError, struct.error,
 )  # fmt: skip
-"""Exceptions that NumPy raises for archives with an unexpected content."""
+"""Exceptions that NumPy raises for archives with unexpected content."""
 
 Words = dict[str, Any]
 
 
 class TrajectoryFileError(ValueError):
-    """A file contains no trajectory, or a damaged one, or its format cannot store one."""
+    """Raised if a file contains no trajectory or a damaged one, or if its format cannot store the trajectory."""
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
@@ -55,7 +55,7 @@ def suffix_of(path: str | os.PathLike[str]) -> str:
 
 
 def need(suffix: str) -> None:
-    """Raises ImportError with installation instructions if files with this suffix cannot be handled."""
+    """Raises ImportError with installation instructions if the package for files with this suffix is missing."""
     if suffix == ".parquet":
         _arrow()
 
@@ -68,7 +68,7 @@ def damaged(path: str | os.PathLike[str], why: object) -> str:
 def write(
     path: str | os.PathLike[str], words: Mapping[str, Any], arrays: Mapping[str, Array], columns: Mapping[str, Array]
 ) -> None:
-    """Writes a trajectory: header entries, arrays by name, and, for Parquet, its series (nt,)."""
+    """Writes a trajectory: header entries, arrays by name and, for Parquet, its series (nt,)."""
     suffix = suffix_of(path)
     header = {"format": FORMAT, "version": VERSION, "digest": _digest(words, arrays), **words}
     if suffix == ".npz":
@@ -93,7 +93,7 @@ def write(
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
-    """Header entries and arrays of a trajectory, as for `write`."""
+    """Header entries and arrays of a trajectory, in the form that `write` takes."""
     if suffix_of(path) == ".npz":
         header, arrays = _read_npz(path)
     else:
@@ -131,7 +131,7 @@ def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
 
 
 def _check_sizes(archive: zipfile.ZipFile) -> None:
-    """Raises ValueError, before allocating memory, if an array's shape does not match the number of bytes."""
+    """Raises ValueError before memory is allocated, if the shape of an array does not match its number of bytes."""
     for member in archive.infolist():
         with archive.open(member) as file:
             version = np.lib.format.read_magic(file)

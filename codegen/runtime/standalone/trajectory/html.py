@@ -1,4 +1,4 @@
-"""A trajectory in a notebook: a self-contained HTML table with a small curve for each series."""
+"""A trajectory for notebooks: a self-contained HTML table with a small curve for each series."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH, HEIGHT, MARGIN = 160, 28, 2
 """Size of a curve, in pixels."""
 
 BINS = 80
-"""Number of intervals of a long series; the minimum and maximum of each are drawn, so that no peak is lost."""
+"""Number of intervals of a long series; its curve shows the minimum and maximum of each, so that no peak is lost."""
 
 
 def as_html(lines: Sequence[str], t: Array, series: Sequence[tuple[str, str, Array]]) -> str:
@@ -49,7 +49,7 @@ def sparkline(t: Array, values: Array) -> str:
 
 
 def _scaled(values: Array, finite: NDArray[np.bool_], low: float, high: float) -> Array:
-    """Maps values to the range from low to high; to its middle if all values are equal."""
+    """The values mapped to the range from low to high; if all are equal, the middle of the range."""
     least, most = float(np.min(values[finite])), float(np.max(values[finite]))
     with np.errstate(all="ignore"):
         # values are halved, since their difference may overflow

@@ -24,10 +24,10 @@ FORMATS: dict[str, dict[str, str | None]] = {
     ".png": {"Software": MARK},
     ".pdf": {"CreationDate": None, "Creator": MARK},
 }
-"""For each suffix of a picture file, the metadata that exclude dates."""
+"""For each suffix of a picture file, the metadata that omit dates."""
 
 MOST_PANELS, CUT = 60, 24
-"""Maximum number of series in a picture, and the number of series that are shown if the user does not choose."""
+"""Maximum number of series in a picture, and their number if the user does not choose."""
 
 WIDTHS = {1: 6.5, 2: 8.0, 3: 9.0}
 """Width of a picture in inches, by the number of panels side by side."""
@@ -37,20 +37,20 @@ MOST_CURVES = 8
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)))
 COLOURS = ("#000000", "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#aa4499", "#4d4d4d", "#b8860b")
-"""Styles of curves in one panel. Colour-blind readers can also distinguish these colours."""
+"""Styles of the curves in one panel; colour-blind readers can distinguish these colours."""
 
 SETTINGS = {"svg.hashsalt": "ordernm", "text.parse_math": False, "font.size": 9, "font.family": "DejaVu Sans",
             "axes.formatter.limits": (-3, 4), "path.simplify": True, "savefig.dpi": 150, "figure.dpi": 100}  # fmt: skip
 
 ROUNDING = 1e-12
-"""Relative change below which a curve is drawn as a straight line."""
+"""Relative change below which a curve is drawn as constant."""
 
 Series = tuple[str, str, Array]
 """A series of a trajectory: name, unit, values (nt,)."""
 
 
 class PlotError(ValueError):
-    """A plot cannot be drawn, or the file type is not allowed."""
+    """Raised if a plot cannot be drawn, or if the file type is not allowed."""
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
@@ -145,7 +145,7 @@ def _figure(title: str, t: Array, panels: Sequence[tuple[Series, Sequence[Series
 
 
 def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> None:
-    """Draws derivatives in one panel; small ones are multiplied by a power of ten, which the legend shows."""
+    """Draws derivatives in one panel; small ones are multiplied by a power of ten, which the legend gives."""
     if len(several) == 1:
         ((by, unit, values),) = several
         _curves(place, t, [(by, unit, values)], _labelled(f"d {name} / d {by}", unit))
@@ -173,7 +173,7 @@ def _exponents(several: Sequence[Array]) -> list[int]:
 
 
 def _curves(place: Any, t: Array, several: Sequence[Series], label: str) -> None:
-    """Draws curves in a panel, with the label above it on the left, where there is room for a long one."""
+    """Draws curves in a panel, with the label above the panel on the left, where a long label fits."""
     from matplotlib.ticker import MaxNLocator
 
     few = len(t) < 3

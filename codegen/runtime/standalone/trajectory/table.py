@@ -1,4 +1,4 @@
-"""A trajectory as a pandas DataFrame; pandas is imported only when needed."""
+"""A trajectory as a pandas DataFrame; pandas is imported only if a table is requested."""
 
 from __future__ import annotations
 

@@ -17,17 +17,17 @@ from ..arrays import Array, Shape
 from ..calls.arguments import some
 
 FINISHED, INTERRUPTED = "finished", "interrupted"
-"""Reasons for the end of a simulation: the last time was reached, or the user pressed Ctrl-C."""
+"""Reasons for the end of a simulation: it reached the last time, or the user pressed Ctrl-C."""
 
 
 Later = ArrayLike | Callable[[], ArrayLike] | None
 
 LATER: dict[str, Shape] = {"energy": (2,), "closure": ()}
-"""Values that may be computed at their first use, and their shapes after the time axis."""
+"""Values that are computed at their first use, and their shapes after the time axis."""
 
 
 class UnknownNameError(KeyError):
-    """A trajectory has no series with this name."""
+    """Raised if a trajectory has no series with the given name."""
 
     __str__ = Exception.__str__  # KeyError would print its text in quotes
 

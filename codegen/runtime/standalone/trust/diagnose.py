@@ -26,11 +26,12 @@ LARGEST = 1000
 """Largest number of speeds for which matrices are formed; eigenvalues and singular values take O(n^3)."""
 
 SAMPLES = 4
-"""Number of perturbations of the arguments in their last places, with random signs from a fixed seed."""
+"""Number of samples in which each argument changes by one unit in its last place, with random signs from a fixed
+seed."""
 
 
 class Diagnosing(Room):
-    """Diagnoses the accelerations and derivatives of a state."""
+    """Diagnosis of the accelerations and derivatives of a state."""
 
     def __init__(self, package: Package):
         super().__init__(package)
@@ -57,7 +58,7 @@ class Diagnosing(Room):
     # -- rounding ------------------------------------------------------------------------------------------------------
 
     def _rounded(self, name: str, arrays: Mapping[str, Any], directions: Seeds = NO_SEEDS) -> tuple[Array, Array, str]:
-        """The last result of a function, (nu,) or (k, nu), an estimate of its error, and the reason if it has no value."""
+        """A function's last result, (nu,) or (k, nu), an estimate of its error, and the reason if there is no value."""
         opened = self._opened
         shape = (directions.k, self.nu) if name == "sensitivities" else (self.nu,)
         if not np.prod(shape):
@@ -88,7 +89,7 @@ class Diagnosing(Room):
         return self._nearest[opened.number]
 
     def _by_arguments(self, arrays: Mapping[str, Any], udot: Array) -> Array:
-        """The largest change of udot, (nu,), if every argument changes by a unit in its last place."""
+        """The largest change of udot, (nu,), due to a change of each argument by a unit in its last place."""
         signs = np.random.default_rng(0)
         moved = {
             n: np.nextafter(x, np.where(signs.random((SAMPLES, *np.shape(x))) < 0.5, -np.inf, np.inf))
@@ -174,7 +175,8 @@ class Diagnosing(Room):
     def _closure_conditions(
         self, arrays: Mapping[str, Any]
     ) -> tuple[tuple[ClosureCondition, ...], ClosureCondition | None, float, float]:
-        """Conditions of each closure and of all loops; the distance from a loss of rank; the largest residual."""
+        """Condition numbers of each closure and of all loops, the distance from a loss of rank, and the largest
+        residual."""
         manifest = self._opened.manifest
         if not self.closure_names:
             return (), None, 1.0, 0.0
@@ -214,7 +216,7 @@ class Diagnosing(Room):
         return [i for i, unit in enumerate(self._manifest["speed_units"]) if unit == "m/s"]
 
     def _closing_columns(self, arrays: Mapping[str, Any], speeds: Sequence[int]) -> tuple[Array, float]:
-        """Derivatives of all conditions by some speeds (including dependent ones), (conditions, n), and the largest residual."""
+        """Derivatives of all conditions with respect to given speeds, (conditions, n), and the largest residual."""
         f, units = self._functions["closure"], np.zeros((len(speeds) + 1, self.nu))
         units[np.arange(len(speeds)), list(speeds)] = 1.0
         position, velocity = self._opened.target.compute(f, {**arrays, "u": units}, (len(units),))
@@ -240,10 +242,10 @@ def _condition(sizes: Any) -> float:
 
 
 def _distance(sizes: Any) -> float:
-    """The smallest singular value relative to the largest one, or to 1 if that is larger."""
+    """The smallest singular value, divided by the largest one or by 1, whichever is larger."""
     return float(sizes[-1] / max(sizes[0], 1.0))
 
 
 def _quotient(sizes: Any) -> float:
-    """Ratio of the last to the first eigenvalue; infinite if the first is zero or negative by rounding."""
+    """Ratio of the last eigenvalue to the first; infinite if the first is zero, or negative by rounding."""
     return float(sizes[-1] / sizes[0]) if sizes[0] > 0.0 else np.inf

@@ -14,20 +14,20 @@ from ..arrays import Array
 from .rounding import UNIT
 
 ALL_DIGITS = -math.log10(UNIT)
-"""Decimal digits of a double: 15.95."""
+"""Number of decimal digits of a double: 15.95."""
 
 NEAR = 1e-4
-"""Distance from a loss of rank below which the text warns about a closure: accelerations lose four digits or more."""
+"""Distance from a loss of rank below which the text warns; accelerations then lose four or more digits."""
 
 OPEN = 1e-9
 """Residual of loops, relative to the distance from a loss of rank, above which the text says that dependent coordinates are
 wrong."""
 
 FEW_DIGITS = 8
-"""Number of digits of an acceleration below which the text mentions forces that cancel."""
+"""Number of correct digits of an acceleration below which the text mentions forces that cancel."""
 
 SHOWN = 6
-"""Number of closures in the text, the worst ones first, and of speeds in a notebook."""
+"""Number of closures in the text (those with the largest condition numbers), and of speeds in a notebook."""
 
 
 class MassCondition(NamedTuple):
@@ -128,7 +128,7 @@ class Diagnosis:
 
     @property
     def at_work(self) -> Array:
-        """Magnitude of the accelerations if forces did not cancel, (nu,)."""
+        """Magnitude that the accelerations would have if forces did not cancel, (nu,)."""
         return np.fmax(np.abs(self.udot), self.argument_error / self.unit)
 
     @property
@@ -260,7 +260,7 @@ class Diagnosis:
             yield f"all loops together: condition {_number(self.all_loops.condition)}, {_away(self.all_loops.distance)}"
 
     def _why(self, c: ClosureCondition) -> str:
-        """The cause and a remedy, for a closure near a loss of rank."""
+        """The cause, with a remedy, of a closure near a loss of rank."""
         if c.distance > NEAR:
             return ""
         if self.distance > 100.0 * c.distance:

@@ -1,4 +1,4 @@
-"""Closes loops in extended precision, starting from states closed in double precision."""
+"""Closes loops in extended precision, from states that are closed in double precision."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ NEWTON = 60
 """Maximum number of Newton steps in extended precision."""
 
 LEFT = 5
-"""Number of digits that the closure may lack if it cannot be improved."""
+"""Number of digits that a closure may lack if no step improves it."""
 
 SAME = 1e-13
-"""Relative change below which closing a loop in double precision leaves the given coordinates unchanged."""
+"""Relative change of coordinates below which closing the loops in double precision leaves them as they are."""
 
 
 class ExactLoops(Loops):

@@ -43,7 +43,7 @@ REFUSED = ("simulate", "judge", "equilibrium", "linearize", "ode", "diagnose")
 
 
 PartitionModules = Callable[[int], str]
-"""Returns the NumPy module of a partition, with constants in more digits."""
+"""A function that returns the NumPy module of a partition, with constants in more digits."""
 
 
 class Digits:
@@ -124,7 +124,7 @@ class Digits:
         return np.asarray(self.to_mpf(x), object)
 
     def function(self, e: Elementary) -> Callable[..., Any]:
-        """An elementary function by mpmath, on arrays of decimal numbers; nan where it has no real value."""
+        """An elementary function computed by mpmath on arrays of decimal numbers; nan where it has no real value."""
         f = getattr(self._libmp, f"mpf_{e.spelled('mpmath')}")
 
         def of(*given: Any) -> Decimal:
@@ -143,7 +143,7 @@ def _power(a: Any, b: Any) -> Any:
 
 
 class Functions:
-    """Replaces NumPy in a module that works on decimal numbers; new arrays contain objects."""
+    """Replacement of NumPy in a module on decimal numbers; new arrays contain objects."""
 
     def __init__(self, numbers: Digits):
         for e in TABLE.values():
@@ -210,7 +210,8 @@ class Text(importlib.abc.InspectLoader):
 
 
 class ExtendedTarget(NumpyTarget):
-    """The NumPy module of a package on decimal numbers; takes mpmath numbers and floats, returns mpmath numbers."""
+    """The NumPy module of a package on decimal numbers. It takes mpmath numbers and floats, and returns mpmath
+    numbers."""
 
     name = "mpmath"
 
@@ -304,7 +305,8 @@ def _refuse(exact: Extended) -> Any:
 
 
 def extended(solver: Any, digits: int, texts: PartitionModules | None = None) -> Any:
-    """A solver in extended precision; `texts` returns the NumPy module of a partition, if it is not the package's own."""
+    """A solver in extended precision; `texts` returns the NumPy module of a partition if the package's own does not
+    suffice."""
     solver = getattr(solver, "_solver", solver)
     if isinstance(digits, bool) or not isinstance(digits, (int, np.integer)) or not FEWEST <= digits <= MOST:
         raise ValueError(f"digits is {digits!r}, expected an integer from {FEWEST} to {MOST}; doubles have 16")
@@ -319,7 +321,7 @@ def _is_room(kind: type, name: str) -> bool:
 
 @functools.cache
 def _in_front_of(kind: Any) -> Any:
-    """`Extended` combined with the methods of a class of solvers."""
+    """`Extended` combined with the methods of a solver class."""
     return type(
         "Extended", (Extended, kind), {"__doc__": Extended.__doc__, **dict.fromkeys(REFUSED, property(_refuse))}
     )

@@ -20,7 +20,7 @@ from ....elementary import named
 from ..arrays import Array
 
 DIRECTED = ("up", "down")
-"""Rounding modes besides rounding to nearest."""
+"""Rounding modes other than rounding to nearest."""
 
 MODES = {
     **dict.fromkeys(("x86_64", "AMD64", "i386", "i686"), (0x800, 0x400)),
@@ -39,10 +39,10 @@ of its last place to nearest, but by half of it, always to the same side, in a d
 section 9."""
 
 UNIT = 2.0**-53
-"""Relative rounding error of one operation to nearest, the smallest error of any number."""
+"""Relative rounding error of one operation to nearest; it is the smallest error of any number."""
 
 ELEMENTARY = (*named("numpy", lambda e: e.rounds), "power")
-"""NumPy functions that are computed with rounding to nearest in any mode, because their algorithms may rely on it."""
+"""NumPy functions that are always computed with rounding to nearest, because their algorithms may need it."""
 
 
 @functools.cache
@@ -53,7 +53,7 @@ def _library() -> Any:
 
 @contextlib.contextmanager
 def rounding(direction: str) -> Iterator[None]:
-    """Sets the rounding mode of this thread, and restores the previous one at the end."""
+    """Sets the rounding mode of this thread, and restores the previous mode at the end of the block."""
     library = _library()
     before = library.fegetround()
     try:
@@ -86,7 +86,7 @@ class NearestFunctions:
 
 
 def to_nearest(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A version of a function that always rounds to nearest."""
+    """A variant of a function that always rounds to nearest."""
 
     def of(*given: Any) -> Any:
         library = _library()

@@ -25,13 +25,13 @@ IN_DOUBLE = (
     "assemble", "assemble_sensitivities", "assemble_gradients", "initial_state", "initial_sensitivities", "condition",
     "equilibrium", "linearize", "ode", "diagnose", "in_precision",
 )  # fmt: skip
-"""Methods that compute in double precision even if the package does not."""
+"""Methods that compute in double precision for every package."""
 
 IN_DOUBLE_WITH_LOOPS = (
     "mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force",
     "bias_force_sensitivities",
 )  # fmt: skip
-"""Methods that compute in double precision for mechanisms with loops, where they combine other functions in Python."""
+"""Methods that combine functions in Python for mechanisms with loops, and then compute in double precision."""
 
 
 def rounded(value: Any, dtype: Any) -> Any:
@@ -53,7 +53,7 @@ def placed(found: Any, out: Any, dtype: Any) -> Any:
 
 
 def of_unit(found: Diagnosis, dtype: Any) -> Diagnosis:
-    """A diagnosis for code in another scalar type: rounding errors are proportional to its unit of rounding."""
+    """A diagnosis for code in another scalar type, whose rounding errors are proportional to its unit of rounding."""
     unit = float(np.finfo(dtype).eps) / 2.0
     more = unit / found.unit
     return dataclasses.replace(
@@ -65,7 +65,7 @@ def of_unit(found: Diagnosis, dtype: Any) -> Diagnosis:
 def check_tolerance(
     called: Callable[..., Any], name: str, given: tuple[Any, ...], named: dict[str, Any], dtype: Any
 ) -> None:
-    """Rejects a tolerance below the resolution of the scalar type. A default tolerance is that of double precision."""
+    """Raises an error for a tolerance below the resolution of the scalar type; default tolerances are for doubles."""
     try:
         bound = inspect.signature(called).bind(*given, **named).arguments
     except TypeError:  # calling the method raises an error with a better message
