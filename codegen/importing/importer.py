@@ -395,8 +395,7 @@ def _check_options(robot: Robot, options: Options) -> None:
 
 
 def _check_lifted(robot: Robot, bodies: Bodies) -> list[Problem]:
-    """Checks lifted links: a constant force carries their weight, so mass and centre of mass cannot become
-    parameters."""
+    """Errors for masses and centres of mass that cannot become parameters, since a constant force carries the weight."""
     found = []
     for name in robot.lifted:
         body = bodies.all.get(bodies.holders[name][0])
@@ -419,8 +418,7 @@ def _lift(robot: Robot, bodies: Bodies) -> None:
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
-    """Turns mimic joints into couplings; returns errors for joints that no coupling can express, without
-    --free-mimic."""
+    """Turns mimic joints into couplings; returns errors for joints without a coupling, unless --free-mimic is set."""
     found, kept = [], []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
