@@ -46,7 +46,8 @@ def lagrange(
     M = casadi.jacobian(momentum, u)
     right = forces(u, p, inputs) + casadi.gradient(kinetic - potential, q) - casadi.jtimes(momentum, q, u)
     udot = right / M if n == 1 else casadi.inv(M) @ right
-    return casadi.Function("native", [casadi.vertcat(q, u), p, inputs], [casadi.vertcat(u, udot)])
+    y = casadi.vertcat(u, udot)
+    return casadi.Function("native", [casadi.vertcat(q, u), p, inputs], casadi.cse([y]))
 
 
 def bar(ends: tuple[Any, Any], speeds: tuple[Any, Any], mass: Any, more: Any = 0.0) -> tuple[Any, Any]:
