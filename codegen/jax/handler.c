@@ -80,6 +80,21 @@ static double entry(const job *j, const char *at, long i)
     return j->plan->item == 8 ? ((const double *)at)[i] : ((const float *)at)[i];
 }
 
+/* Whether a quaternion of a state is too short, or not finite; q is the first operand. */
+static int too_short(const job *j, long state)
+{
+    const ordernm_plan *const p = j->plan;
+    for (long n = 0; n < p->quaternions; ++n) {
+        double square = 0;
+        for (long e = 0; e < 4; ++e) {
+            const double x = entry(j, j->operand[0], state*j->state[0] + p->quaternion[n] + e);
+            square += x*x;
+        }
+        if (!(square >= 1e-12)) return 1;
+    }
+    return 0;
+}
+
 /* Whether entries of a state are finite and its quaternions long enough: 0, NO_NUMBER or TOO_SHORT. */
 static int unfit(const job *j, long state, long *operand)
 {
@@ -90,16 +105,8 @@ static int unfit(const job *j, long state, long *operand)
         for (long d = 0; d < (a->along ? j->k : 1); ++d)
             for (long e = 0; e < a->size; ++e)
                 if (!isfinite(entry(j, j->operand[i], state*j->state[i] + d*j->direction[i] + e))) return NO_NUMBER;
-        for (long n = 0; !i && n < p->quaternions; ++n) {
-            double square = 0;
-            for (long e = 0; e < 4; ++e) {
-                const double x = entry(j, j->operand[i], state*j->state[i] + p->quaternion[n] + e);
-                square += x*x;
-            }
-            if (!(square >= 1e-12)) return TOO_SHORT;
-        }
     }
-    return 0;
+    return too_short(j, state) ? TOO_SHORT : 0;
 }
 
 /* Whether all numbers of states from `begin` to `end` - 1 are finite and all quaternions long enough. */
@@ -126,9 +133,8 @@ static int all_fit(const job *j, long begin, long end)
             sum += s[0] + s[1] + s[2] + s[3];
         }
     }
-    long operand;
     for (long state = begin; p->quaternions && sum == 0 && state < end; ++state)
-        if (unfit(j, state, &operand)) return 0;
+        if (too_short(j, state)) return 0;
     return sum == 0;
 }
 
