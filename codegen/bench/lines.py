@@ -91,7 +91,7 @@ def family_lines(result: dict[str, Any], width: int | None) -> list[str]:
 
 
 def family_table(result: dict[str, Any]) -> Rows:
-    """Models of a family by size: error, operations and times, the last two also per coordinate."""
+    """Models of a family by size: error, operations and times; operations and times also per coordinate."""
     functions = list(result["sizes"][0]["seconds"])
     head = [result["unit"], "coordinates", "error", "udot, operations each", "one more direction",
             *(x for f in functions for x in (f, "ns each"))]  # fmt: skip

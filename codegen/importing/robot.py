@@ -345,7 +345,7 @@ class LeftOut:
     what : str
     effect : Effect
     lines : list of str
-        Line numbers; in other files than the robot's with the file's name.
+        Line numbers; the file's name precedes them if it is not the robot's file.
     count : int
     remark : str
     """

@@ -28,7 +28,8 @@ def check_cycles(geometry: Geometry) -> None:
 
 
 def check_couplings(model: Model, drafts: list[Draft]) -> None:
-    """Check that every coupling determines a coordinate. Redundant couplings could agree by chance, but for one design only.
+    """Check that every coupling determines a coordinate. Redundant couplings would be consistent only for special
+    values of the parameters.
 
     In an ear with loops one of the conditions may be redundant; which one is not defined.
     """

@@ -33,7 +33,7 @@ LEAST_STEP = 1e-5
 """Length of a step below which the iteration fails."""
 
 LEAST_PIVOT = 1e-9
-"""Fraction of the largest singular value of the closure matrix below which others count as zero."""
+"""Fraction of the largest singular value of the closure matrix below which a singular value counts as zero."""
 
 
 class Ring:

@@ -304,7 +304,7 @@ class AllColumns:
 
     @property
     def matrices(self) -> tuple[Array, ...]:
-        """The matrices that are filled or added to."""
+        """The matrices to which the steps write or add columns."""
         return tuple(dict.fromkeys(a for a, _ in (*self.into, *((w.into, w.column) for w in self.weighted))))
 
 

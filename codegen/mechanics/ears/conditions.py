@@ -1,5 +1,5 @@
-"""Closing conditions: the directions that the joint of a loop constrains, and the components along them of a motion at
-the cut.
+"""Closing conditions: the directions that a loop joint constrains, and the components of a motion at the cut along
+these directions.
 
 Linear conditions are divided by the characteristic length. Section 4.1 of the theory page.
 """

@@ -197,7 +197,7 @@ class Batches:
         return bool(over["workspace"] > MOST_IN_LANES or (f.seeds and over["swept"] > MOST_SWEPT))
 
     def prepare(self) -> None:
-        """Compiles the functions for several states at once, and the sharing among threads."""
+        """Compiles the functions for several states at once and the function that distributes states over threads."""
         threads = self._target.threads or processors()
         if self._over_states and self._opened() is not False and threads > 1:
             self._shared()

@@ -118,7 +118,8 @@ class LoopForces(Room):
         return u
 
     def _independent_mass(self, at: Mapping[str, Array]) -> Array:
-        """M (..., n, n): each row is the derivative of T at a unit speed along unit changes of the speeds."""
+        """M (..., n, n): row i holds the derivatives of the kinetic energy T at unit speed i with respect to all
+        speeds."""
         n = len(self._free_speeds)
         batch = np.broadcast_shapes(*(np.shape(x)[: np.ndim(x) - (name != "t")] for name, x in at.items()))
         rows = self._speeds(np.eye(n)).reshape(n, *(1,) * len(batch), self.nu)
