@@ -285,6 +285,8 @@ class Collocation:
             raise BridgeError(f"hessian is {hessian!r}; allowed are {' and '.join(map(repr, HESSIANS))}")
         if hessian == "exact":
             needs_second(self.solver, "accelerations", "hessian='exact'")
+            if self.solver._opened.manifest["quaternions"]:  # whose rates are products of quaternions and speeds
+                needs_second(self.solver, "coordinate_rates", "hessian='exact'")
         more = {
             "tol": tolerance, "max_iter": most_iterations, "print_level": 0, "sb": "yes", "hessian_approximation": hessian,
             **(options or {}),
