@@ -47,8 +47,7 @@ def satellite(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
 
 @pytest.fixture(scope="module")
 def four_bar(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    chosen = ["accelerations", "sensitivities", "gradients", "assemble"]
-    return example("four_bar", tmp_path_factory.mktemp("jax") / "four_bar", chosen)
+    return example("four_bar", tmp_path_factory.mktemp("jax") / "four_bar", [*SECOND, "assemble"])
 
 
 def states(solver: codegen.Solver, *batch: int, seed: int = 0) -> tuple[Any, ...]:
@@ -177,6 +176,9 @@ def test_a_loop_has_the_gradients_of_the_solver(four_bar: codegen.Solver) -> Non
         np.testing.assert_allclose(a, b[0], rtol=1e-12, atol=1e-12)
     forward = jax.jacfwd(f, 2)(q, u, p)
     np.testing.assert_allclose(weights @ forward, expected.p[0], rtol=1e-10, atol=1e-10)
+    second = jax.hessian(lambda p: f(q, u, p) @ weights)(p)
+    expected = four_bar.hessians(q, u, p, weights=weights, wrt="p")
+    np.testing.assert_allclose(second, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
 
 
 def test_single_precision(tmp_path: Path) -> None:
