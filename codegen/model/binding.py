@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
@@ -114,7 +115,7 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
             return _bind(tree[3] if condition[1] else tree[4], numbers)
         return combine(CHOICE, condition, *[_bind(a, numbers) for a in tree[3:]])
     if kind == "call":
-        return combine(tree[1], *[_bind(a, numbers) for a in tree[2:]])
+        return _piecewise(combine(tree[1], *[_bind(a, numbers) for a in tree[2:]]))
     if kind == "indexed":
         try:
             name = "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + tree[3]
@@ -125,6 +126,31 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
         return _bind(("name", name), numbers)
     found = combine(kind, *[_bind(a, numbers) for a in tree[1:]])
     return _one_sided(found) if kind in ("+", "-") else found
+
+
+_HALF_TURN: Tree = ("number", math.pi)
+_QUARTER_TURN: Tree = ("number", math.pi / 2)
+_TURN: Tree = ("number", 2 * math.pi)
+
+
+def _piecewise(tree: Tree) -> Tree:
+    """Write ``acos(cos(x))``, ``asin(sin(x))``, ``atan(tan(x))`` and ``atan2(0, x)`` as pieces, which have derivatives also
+    where a slope inside these functions is infinite."""
+    match tree:
+        case ("call", "atan2", ("number", 0), x) if x[0] != "number":
+            return combine(CHOICE, combine(AT_LEAST, x, ("number", 0)), ("number", 0), _HALF_TURN)
+        case ("call", "acos", ("call", "cos", x)):
+            return _distance_to_turns(x)
+        case ("call", "asin", ("call", "sin", x)):
+            return combine("-", _QUARTER_TURN, _distance_to_turns(combine("-", x, _QUARTER_TURN)))
+        case ("call", "atan", ("call", "tan", x)):
+            return combine("-", combine("mod", combine("+", x, _QUARTER_TURN), _HALF_TURN), _QUARTER_TURN)
+    return tree
+
+
+def _distance_to_turns(x: Tree) -> Tree:
+    """The distance of an angle from the nearest whole number of turns."""
+    return combine("abs", combine("-", combine("mod", combine("+", x, _HALF_TURN), _TURN), _HALF_TURN))
 
 
 _MOST_TERMS = 6

@@ -439,3 +439,42 @@ def test_a_force_without_a_value_at_its_switch(made: Callable[..., Made], integr
         found = solver.judge(2.0, [Final("a"), Final("b")], wrt=["k", "x0"], method=method, integrator=integrator)
         assert abs(found.values[0] - found.values[1]) < 1e-8
         np.testing.assert_allclose(found.gradients[0], found.gradients[1], atol=1e-6)
+
+
+FOLDED = """
+model: folded
+parameters: {{k: 0.3}}
+bodies:
+  b: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}
+forces:
+  f: {{type: joint, joint: b, value: "{}"}}
+initial: {{q: {{b: {}}}, u: {{b: 1.0}}}}
+outputs: {{b: {{value: q.b}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "same", "start"),
+    [
+        ("k*acos(cos(q.b))", "k*abs(q.b)", -0.5),
+        ("k*acos(cos(q.b))", "k*if(q.b < pi, q.b, 2*pi - q.b)", 2.8),
+        ("k*acos(cos(2*q.b + 1))", "k*abs(2*q.b + 1)", -0.9),
+        ("k*asin(sin(q.b))", "k*if(q.b < pi/2, q.b, pi - q.b)", 1.2),
+        ("k*atan(tan(q.b))", "k*if(q.b < pi/2, q.b, q.b - pi)", 1.2),
+        ("k*atan2(0, q.b)", "k*if(q.b < 0, pi, 0)", -0.5),
+        ("k*atan2(0, -q.b)", "k*if(q.b > 0, pi, 0)", -0.5),
+    ],
+)
+def test_folded_angles_have_derivatives_beyond_their_folds(
+    made: Callable[..., Made], law: str, same: str, start: float
+) -> None:
+    """Inverse functions of their own functions are pieces of straight lines, and ``atan2(0, x)`` is a step."""
+    found, known = (made(parsed, FOLDED.format(x, start)).solver for x in (law, same))
+    for options in METHODS:
+        for way in ("forward", "adjoint"):
+            one, other = (
+                s.judge(1.0, Final("b"), wrt=["k", "q0.b", "u0.b"], method=way, **options) for s in (found, known)
+            )
+            close = 1e-5 if "rtol" in options or "step" in options else 1e-8
+            np.testing.assert_allclose(one.values, other.values, rtol=close)
+            np.testing.assert_allclose(one.gradients, other.gradients, rtol=close, atol=close)
