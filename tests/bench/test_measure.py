@@ -12,7 +12,7 @@ from codegen.measure.compiled import Functions, Workshop
 from codegen.reference import RecursiveEngine
 
 SCRIPTS = sorted(p.stem for p in (Path(__file__).parents[2] / "benchmarks").glob("*.py"))
-NEEDED = ("casadi", "pinocchio", "mujoco")
+NEEDED = ("casadi", "pinocchio", "mujoco", "jax")
 
 
 def test_repetitions_fill_a_batch_and_are_warmed_up():
@@ -116,5 +116,5 @@ def test_scripts_can_be_read(name, monkeypatch):
     except ModuleNotFoundError as error:
         if error.name not in NEEDED:
             raise
-        pytest.skip(f"{name} needs {error.name}, an extra of the peers")
+        pytest.skip(f"{name} needs {error.name}, which is an extra")
     assert callable(getattr(module, "main", None)) or name == "pinocchio_builds"

@@ -17,7 +17,7 @@ ELSEWHERE = {
     "docs/live/index.md": "tests/live/test_live.py",
     "docs/api.md": "tests/documentation/test_pages.py",  # one block, below
     "docs/development.md": "",  # commands of developers, as in CONTRIBUTING.md
-    "docs/howto/casadi.md": "tests/casadi/test_casadi_page.py",
+    "docs/howto/casadi.md": "tests/with_casadi/test_casadi_page.py",
     "docs/index.md": "",  # commands of README.md
 }
 """Pages whose blocks other tests run."""

@@ -71,7 +71,8 @@ def _contents(
         "moved": str(int("t" in manifest["functions"].get("closing_step", {"arguments": ()})["arguments"])), "rtol": repr(rtol),
     }  # fmt: skip
     context = {
-        "name": model.name, "version": __version__, "tables": tables, "initial": computed,
+        "name": model.name, "version": __version__, "tables": tables,
+        "declarations": [f"int {model.name}_initial(const double *p, double *q, double *u, double *work);"] * computed,
         "members": [f".{member} = {value}" for member, value in members.items()],
     }  # fmt: skip
     return render("export/fmu.c.jinja", context)
