@@ -7,6 +7,7 @@ import pytest
 
 from codegen.runtime.standalone.display.scene import Solid
 from codegen.runtime.standalone.display.surfaces import surface_of
+from codegen.runtime.standalone.display.viewer import _point
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 VOLUMES = {
@@ -19,18 +20,27 @@ VOLUMES = {
 }
 
 
+@pytest.mark.parametrize(("alike", "least"), [(1, 0.93), (1000, 0.78)], ids=["few", "many"])
 @pytest.mark.parametrize("type_", VOLUMES)
-def test_surfaces_are_closed_and_oriented_and_have_the_volume_of_the_solid(type_):
+def test_surfaces_are_closed_and_oriented_and_have_the_volume_of_the_solid(type_, alike, least):
     sizes, volume = VOLUMES[type_]
     at = np.array([1.0, -2.0, 0.5])
     solid = Solid(0, type_, np.array(sizes), TURN, at)
-    vertices, faces = surface_of(solid)
+    vertices, faces = surface_of(solid, alike)
     vertices = solid.placed(vertices)
     edges = [(a, b) for f in faces.tolist() for a, b in zip(f, f[1:] + f[:1], strict=True)]
     assert len(set(edges)) == len(edges)
     assert {(b, a) for a, b in edges} == set(edges)
     corners = vertices[faces] - at
     found = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    assert 0.93 * volume <= found <= volume * (1 + 1e-12)
+    assert least * volume <= found <= volume * (1 + 1e-12)
     middle = (vertices.max(axis=0) + vertices.min(axis=0)) / 2
     assert np.abs(middle - at).max() < 1e-12
+
+
+@pytest.mark.parametrize("alike", [1, 1000])
+def test_marks_are_closed_and_oriented(alike):
+    vertices, faces = _point(0.5, alike)
+    corners = vertices[faces]
+    assert (np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) > 0).all()
+    assert len(vertices) - 3 * len(faces) / 2 + len(faces) == 2

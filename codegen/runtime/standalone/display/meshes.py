@@ -27,10 +27,11 @@ class Meshes:
         self.folder = folder
         self._found: dict[str, Surface | None] = {}
 
-    def surface(self, solid: Solid) -> Surface:
-        """The surface of a solid in its own frame. A mesh that cannot be read becomes a small cube, with a warning."""
+    def surface(self, solid: Solid, alike: int = 1) -> Surface:
+        """The surface of a solid in its own frame; `alike` solids have it. A mesh that cannot be read becomes a small cube, with
+        a warning."""
         if solid.type != "mesh":
-            return surface_of(solid)
+            return surface_of(solid, alike)
         if solid.file not in self._found:
             self._found[solid.file] = self._read(solid.file)
         found = self._found[solid.file]

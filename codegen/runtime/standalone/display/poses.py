@@ -116,7 +116,7 @@ def groups_of(solids: Sequence[Solid], meshes: Meshes) -> list[Group]:
         alike.setdefault((s.type, s.sizes.tobytes(), s.color, s.file), []).append(s)
     return [
         Group(
-            *meshes.surface(same[0]), np.array([s.body for s in same]), np.stack([s.rotation for s in same]),
+            *meshes.surface(same[0], len(same)), np.array([s.body for s in same]), np.stack([s.rotation for s in same]),
             np.stack([s.at for s in same]), same[0].color,
         )
         for same in alike.values()

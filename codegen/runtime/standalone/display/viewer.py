@@ -22,6 +22,7 @@ from .meshes import Meshes
 from .picture import LINES, MARKS, SOLID_COLORS
 from .poses import Arrows, Poses, ends_of, groups_of, places_of, quaternions
 from .scene import Scene
+from .surfaces import MANY, Surface
 
 RATE = 30.0
 """Frames per second of playback, and of a page."""
@@ -84,7 +85,7 @@ class Nodes:
                 self._lines(kind, ends_of(self.scene.lines(kind), poses, i))
             for kind in self.marks:
                 places = places_of(self.scene.marks(kind), poses, i)
-                vertices, faces = _point(self.size * MARKS[kind][1] ** 0.5 * 1.6e-3)
+                vertices, faces = _point(self.size * MARKS[kind][1] ** 0.5 * 1.6e-3, len(places))
                 turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
                 self._meshes(
                     f"/{kind}", vertices, faces, turns, places, np.tile(_rgb(MARKS[kind][0]), (len(places), 1))
@@ -98,7 +99,9 @@ class Nodes:
                 flat_shading=len(vertices) < 10, lod="off", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
         else:
-            known.batched_wxyzs, known.batched_positions = turns, places
+            if not np.array_equal(known.batched_wxyzs, turns):
+                known.batched_wxyzs = turns
+            known.batched_positions = places
             if not np.array_equal(known.batched_colors, colors):
                 known.batched_colors = colors
 
@@ -152,8 +155,11 @@ def _rgb(color: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _point(radius: float) -> tuple[Array, Indices]:
-    """An octahedron."""
+def _point(radius: float, alike: int) -> Surface:
+    """The surface of a mark: an octahedron, or a tetrahedron where many marks are drawn."""
+    if alike > MANY:
+        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * radius
+        return corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
     corners = np.concatenate([np.eye(3), -np.eye(3)]) * radius
     faces = [(a, b, c) if (sx * sy * sz) > 0 else (a, c, b)
              for sx, a in ((1, 0), (-1, 3)) for sy, b in ((1, 1), (-1, 4)) for sz, c in ((1, 2), (-1, 5))]  # fmt: skip
