@@ -255,3 +255,37 @@ def test_without_the_function_of_outputs_samples_have_none(made: Callable[..., M
         0.1, inputs={"wind": 0.0}, controller=lambda s: float(seen.append(len(s.outputs)) or 0), period=0.05
     )
     assert seen == [0, 0] and solver.noutputs == 2
+
+
+def test_what_a_controller_writes_into_its_sample_changes_nothing(cart: Any) -> None:
+    def careless(s: Sample) -> Any:
+        found = np.array([1.0 - s.u[0] + 0.1 * s.inputs[0]])
+        for part in ("q", "u", "outputs", "p", "inputs", "dq", "du", "doutputs", "dp", "dinputs"):
+            getattr(s, part)[...] = 7.0
+        return found
+
+    def slopes(s: Sample) -> Any:
+        return {"u": [-1.0], "inputs": [0.1]}
+
+    law = (lambda s: 1.0 - s.u[0] + 0.1 * s.inputs[0], slopes)
+    options = {"inputs": {"wind": 0.2}, "period": 0.1}
+    given = cart.simulate([0.0, 1.0], controller=law, sensitivities=("m", "q0.cart"), **options)
+    alone = cart.simulate([0.0, 1.0], controller=careless, **options)
+    assert np.array_equal(alone.q, given.q) and np.array_equal(alone.u, given.u)
+    both = cart.simulate(
+        [0.0, 1.0], controller=(law[0], _overwriting(slopes)), sensitivities=("m", "q0.cart"), **options
+    )
+    np.testing.assert_array_equal(both.q, given.q)
+    np.testing.assert_array_equal(both.dq, given.dq)
+
+
+def _overwriting(slopes: Callable[[Sample], Any]) -> Callable[[Sample], Any]:
+    """The directions' derivatives by a Jacobian, after which the sample is overwritten."""
+
+    def jacobian(s: Sample) -> Any:
+        found = s.du @ np.array(slopes(s)["u"])[:, None] + s.dinputs @ np.array(slopes(s)["inputs"])[:, None]
+        for part in ("q", "u", "p", "inputs", "dq", "du", "dp", "dinputs"):
+            getattr(s, part)[...] = 7.0
+        return found
+
+    return jacobian

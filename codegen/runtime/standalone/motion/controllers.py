@@ -187,7 +187,7 @@ class Sampling:
         directions: Directions, p: Array,
     ):  # fmt: skip
         self.failure: BaseException | None = None
-        self._controller, self._p = controller, p
+        self._controller, self._p = controller, p.copy()  # a controller may write into its sample
         self._names = tuple(names[i] for i in places)
         together = places == tuple(range(places[0], places[-1] + 1))
         self._places: Any = slice(places[0], places[-1] + 1) if together else list(places)
@@ -197,7 +197,7 @@ class Sampling:
         owner = inputs.control[places[0]](np.arange(len(times), dtype=float)) if inputs.control else np.arange(count)
         self._first = [*np.searchsorted(np.round(owner), np.arange(len(times))).tolist(), count, count]
         self._held, self._along = np.zeros(len(places)), np.zeros((k, len(places)))
-        self._dp, self._seeds = directions.dp, None
+        self._dp, self._seeds = directions.dp.copy(), None
         if k:
             if directions.dinputs is None:
                 directions.dinputs = np.zeros((k, *inputs.values.shape))
@@ -225,7 +225,7 @@ class Sampling:
         """
         q, u, outputs = values
         dq, du, doutputs = derivatives
-        sample = Sample(t, q, u, outputs, self._p, self._held, dq, du, doutputs, self._dp, self._along)
+        sample = Sample(t, q, u, outputs, self._p, self._held.copy(), dq, du, doutputs, self._dp, self._along.copy())
         held = self._values(self._controller.command(sample), t)
         # also the next sample's control points: until then, its outputs have the inputs of this sample
         own = slice(self._first[self._next], self._first[self._next + 2])
