@@ -130,6 +130,31 @@ def test_hessians_of_every_functional_equal_differences(solver: codegen.Solver) 
         assert (np.abs(found[:, i] - wanted).max(axis=1) <= 1e-8 * scale).all(), name
 
 
+@pytest.mark.parametrize("more", [0.0, 0.3])
+def test_least_squares_have_curvature_where_the_error_is_zero(solver: codegen.Solver, more: float) -> None:
+    """The Hessian without errors is the sum of squares of gradients; one sample with an error keeps those of the others."""
+    times, given = [0.0, 0.2, 0.77, 1.0], {**START, "inputs": (TIMES, PUSH, "linear")}
+    of_samples = [At("angle", t) for t in times]
+    at = solver.judge(1.0, of_samples, **given, wrt=WRT, hessian=True, **FIXED)
+    samples = at.values - [more, 0.0, 0.0, 0.0]
+    fit = LeastSquares(times, {"angle": samples})
+    found = solver.judge(1.0, fit, **given, wrt=WRT, hessian=True, **FIXED).hessian_products[0]
+    wanted = at.gradients.T @ at.gradients + more * at.hessian_products[0]
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("method", [FIXED, {"integrator": "dop853"}])
+def test_outputs_at_jumps_of_inputs_have_the_input_before(solver: codegen.Solver, method: Any) -> None:
+    wrt = [f"inputs.push[{i}]" for i in range(4)]
+    wanted = [At("effort", 0.0), *(At("effort", t) for t in TIMES[1:]), Integral("effort"), At("speed", TIMES[1])]
+    given = {**START, "inputs": (TIMES, PUSH, "hold"), "wrt": wrt, **method}
+    found = solver.judge(1.0, wanted, **given, hessian=True)
+    plain = solver.judge(1.0, wanted, **given, method="adjoint")
+    np.testing.assert_allclose(found.gradients, plain.gradients, rtol=1e-12, atol=1e-13)
+    for hessian, i in zip(found.hessian_products, (0, 0, 1, 2), strict=False):
+        assert (hessian == 2.0 * np.outer(np.eye(4)[i], np.eye(4)[i])).all()
+
+
 def test_directions_combine_variables_and_many_are_computed_in_parts(solver: codegen.Solver) -> None:
     whole = judged(solver, hessian=True, **FIXED).hessian_products
     factors = np.random.default_rng(34).normal(size=(11, len(WRT)))

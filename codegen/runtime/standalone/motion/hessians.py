@@ -109,20 +109,20 @@ class _Outputs:
         self.functions, self.problem = functions, problem
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
 
-    def sources(self, states: Array, t: Array, at: Array, weights: Array, changes: Array) -> Array:
+    def sources(self, states: Array, t: Array, within: Array, weights: Array, changes: Array) -> Array:
         """Sources (n, 1 + r, nq + nu + np + ninputs).
 
         Parameters
         ----------
         states : array (n, 1 + r, nq + nu)
-        t, at : array (n,)
-            Times, and times at which inputs are evaluated.
+        t, within : array (n,)
+            Times, and times within the steps that contain them: inputs may jump between steps.
         weights, changes : array (n, noutputs), (n, noutputs, r)
             Weights of outputs, and their changes along the directions.
         """
         x, n, r = self.problem, len(states), states.shape[1] - 1
         y, dy = states[:, 0], states[:, 1:].transpose(0, 2, 1)
-        inputs, dinputs = self._inputs(at, r)
+        inputs, dinputs = self.inputs(t, within, r)
         given = {
             "q": Jet(y[:, : self.nq], dy[:, : self.nq]),
             "u": Jet(y[:, self.nq :], dy[:, self.nq :]),
@@ -144,14 +144,14 @@ class _Outputs:
             parts.append(np.concatenate([value, slope], axis=2).transpose(0, 2, 1))
         return np.ascontiguousarray(np.concatenate(parts, axis=2))
 
-    def _inputs(self, t: Array, r: int) -> tuple[Array, Array]:
-        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r)."""
+    def inputs(self, t: Array, within: Array, r: int) -> tuple[Array, Array]:
+        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r); see `sources`."""
         x: Inputs = self.problem.inputs
-        values = x.at(t)
+        values = x.at(t, within)
         along = np.zeros((*values.shape, r))
         if self.problem.dinputs is not None:
             for i, control in enumerate(self.problem.dinputs):
-                along[..., i] = replace(x, values=control).at(t)
+                along[..., i] = replace(x, values=control).at(t, within)
         return values, along
 
 
@@ -177,6 +177,9 @@ class _Tangents:
             rows if heads is None else made_again(self.library, self.ffi, plain, rows, known, heads)
             for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
         ]
+        steps = np.concatenate(self.parts)
+        steps = steps[steps[:, 1] > 0.0]
+        self.within = _middles(steps)[np.maximum(np.searchsorted(steps[:, 0], times) - 1, 0)]
         ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
         self.tapes, self.nodes = [], []
         for rows, until in zip(self.parts, ends, strict=True):
@@ -234,7 +237,9 @@ def curvature_of(
     by_output, by_integral : array (m, nt, noutputs), (m, nintegrals)
         Derivatives of the functionals by outputs at these times, and by integrals.
     """
-    used = by_output.any(axis=(0, 2))
+    # least squares have curvature also at samples without error, where their gradient is zero
+    samples = [np.asarray(f.times, float) for f in wanted if isinstance(f, LeastSquares)]
+    used = by_output.any(axis=(0, 2)) | np.isin(times, np.concatenate([*samples, []]))
     times, by_output = np.ascontiguousarray(times[used]), by_output[:, used]
     chunks: list[tuple[Array, Array, Array]] = []
     count = 0
@@ -262,7 +267,7 @@ def _all_functionals(
         changes = np.zeros((len(t), no, r))
         if isinstance(f, LeastSquares):
             changes = _changes(f, outputs, tangents, output_names)
-        sources = outputs.sources(tangents.states, t, t, of_output, changes) if len(t) else np.zeros(0)
+        sources = outputs.sources(tangents.states, t, tangents.within, of_output, changes) if len(t) else np.zeros(0)
         integrands: list[Array | None] = [None] * len(tangents.parts)
         if of_integral.any():
             weights = np.zeros(no)
@@ -274,16 +279,21 @@ def _all_functionals(
     return state, p, inputs, int(tangents.g.products)
 
 
+def _middles(steps: Array) -> Array:
+    """Times in the middle of steps."""
+    middles: Array = steps[:, 0] + 0.5 * steps[:, 1]
+    return middles
+
+
 def _integrands(outputs: _Outputs, rows: Array, tape: Array, nodes: Array, weights: Array) -> Array:
     """Sources (count, all, 1 + r, n) of weighted outputs at the stages of steps."""
     count, stages, width, n = tape.shape
     used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
     states = tape[:, used].reshape(-1, width, n)
     t = nodes[:, used, 0]
-    # held inputs have their value within the step also at its end
-    at = np.broadcast_to((rows[:, 0] + 0.5 * rows[:, 1])[:, None], t.shape) if outputs.problem.inputs.degree == 0 else t
+    within = np.broadcast_to(_middles(rows)[:, None], t.shape)
     of = np.broadcast_to(weights, (len(states), len(weights)))
-    found = outputs.sources(states, t.ravel(), at.ravel(), of, np.zeros((*of.shape, width - 1)))
+    found = outputs.sources(states, t.ravel(), within.ravel(), of, np.zeros((*of.shape, width - 1)))
     whole = np.zeros((count, stages, *found.shape[1:]))
     whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
     return whole
@@ -294,13 +304,10 @@ def _changes(f: LeastSquares, outputs: _Outputs, tangents: _Tangents, names: Seq
     t, r, no = tangents.times, tangents.r, len(names)
     weight = np.zeros((len(t), no))
     rows = np.searchsorted(t, np.asarray(f.times, float))
-    known = rows < len(t)
-    known &= t[np.minimum(rows, len(t) - 1)] == np.asarray(f.times, float)
-    _, of_samples = f.residuals(np.zeros((len(rows), no)), names)
-    weight[rows[known]] = of_samples[known]
+    _, weight[rows] = f.residuals(np.zeros((len(rows), no)), names)
     y = tangents.states
     x, nq = tangents.along, len(tangents.along.q)
-    inputs, dinputs = outputs._inputs(t, r)
+    inputs, dinputs = outputs.inputs(t, tangents.within, r)
     dy = y[:, 1:].transpose(1, 0, 2)
     of = outputs.functions.functions["output_sensitivities"]
     given = {

@@ -53,29 +53,30 @@ class Inputs:
 
     # -- over time -----------------------------------------------------------------------------------------------------
 
-    def at(self, t: Array | float) -> Array:
-        """Inputs (*t.shape, ninputs) at times t."""
-        return self._inputs(t, 0)
+    def at(self, t: Array | float, within: Array | None = None) -> Array:
+        """Inputs (*t.shape, ninputs) at times t; see `derivative`."""
+        return self._inputs(t, 0, within)
 
     def rate(self, t: Array | float) -> Array:
         """Time derivatives (*t.shape, ninputs) of the inputs at times t."""
         return self._inputs(t, 1)
 
-    def _inputs(self, t: Array | float, order: int) -> Array:
-        values = self.derivative(t, order)
+    def _inputs(self, t: Array | float, order: int, within: Array | None = None) -> Array:
+        values = self.derivative(t, order, within=within)
         if not self.moving:
             return values
         of = list(self.moving)
-        rates = np.stack([self.derivative(t, order + n)[..., of] for n in (1, 2)], axis=-1)
+        rates = np.stack([self.derivative(t, order + n, within=within)[..., of] for n in (1, 2)], axis=-1)
         return np.concatenate([values, rates.reshape(*np.shape(t), -1)], axis=-1)
 
-    def derivative(self, t: Array | float, order: int, before: bool = False) -> Array:
+    def derivative(self, t: Array | float, order: int, before: bool = False, within: Array | None = None) -> Array:
         """Time derivatives (*t.shape, nsignals) of the given order. At a knot, they are those from the right; with
-        `before`, those from the left."""
+        `before`, those from the left; with `within`, those of the pieces that contain these times."""
         if self.knots is None:
             constant = np.zeros_like(self.values[0]) if order else self.values[0]
             return np.broadcast_to(constant, (*np.shape(t), len(constant))) if np.ndim(t) else constant
-        found = spline_values(self.knots, self.degree, self.values, t, order, before)
+        found = spline_values(self.knots, self.degree, self.values, t, order, before, within)
+        t = t if within is None else within
         inside = (t >= self.knots[self.degree]) & (t <= self.knots[len(self.values)])
         return np.where(np.expand_dims(inside, -1), found, 0.0) if order else found
 

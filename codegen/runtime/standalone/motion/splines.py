@@ -15,16 +15,18 @@ MOST_DEGREE = 9
 
 
 def spline_weights(
-    knots: Array, degree: int, count: int, t: Array | float, order: int = 0, before: bool = False
-) -> tuple[Any, Array]:
+    knots: Array, degree: int, count: int, t: Array | float, order: int = 0, before: bool = False,
+    within: Array | None = None,
+) -> tuple[Any, Array]:  # fmt: skip
     """Values (*t.shape, degree + 1) of the B-splines that are not zero at each time, or of their derivatives; before
     them, the index of the first of these B-splines.
 
     Outside the knots, the values at the first or last knot apply. At a knot, values are those from the right; with
-    `before`, those from the left. Derivatives are differences of splines of lower degree.
+    `before`, those from the left; with `within`, those of the pieces that contain these times. Derivatives are differences
+    of splines of lower degree.
     """
     x = np.minimum(np.maximum(t, knots[degree]), knots[count])
-    at = piece(knots, degree, count, x, before)
+    at = piece(knots, degree, count, x if within is None else np.clip(within, knots[degree], knots[count]), before)
     if order > degree:
         return at - degree, np.zeros((*np.shape(t), degree + 1))
     value = [np.ones(np.shape(t))]
@@ -49,10 +51,11 @@ def piece(knots: Array, degree: int, count: int, t: Array | float, before: bool 
 
 
 def spline_values(
-    knots: Array, degree: int, control: Array, t: Array | float, order: int = 0, before: bool = False
-) -> Array:
+    knots: Array, degree: int, control: Array, t: Array | float, order: int = 0, before: bool = False,
+    within: Array | None = None,
+) -> Array:  # fmt: skip
     """Values (*t.shape, m) of splines with control points (count, m), or derivatives; see `spline_weights`."""
-    first, weights = spline_weights(knots, degree, len(control), t, order, before)
+    first, weights = spline_weights(knots, degree, len(control), t, order, before, within)
     found = np.zeros((*np.shape(t), control.shape[1]))
     for i in range(degree + 1):
         found += weights[..., i, None] * control[first + i]
