@@ -113,8 +113,8 @@ def _array(of: Operator, name: str, x: Any) -> Any:
     weak = getattr(x, "weak_type", False) or (given is not None and jnp.issubdtype(given, jnp.integer))
     if given is not None and given != of.dtype and not weak:
         raise wrong_type(of, name, str(given), tuple(x.shape))
-    try:
-        return jnp.asarray(x, of.dtype)
+    try:  # a copy of other arrays, since the caller may change one before derivatives read it
+        return jnp.asarray(x, of.dtype) if isinstance(x, jax.Array) else jnp.array(x, of.dtype)
     except (TypeError, ValueError) as error:
         if isinstance(x, jax.Array):
             raise

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from ..operators import Operator, bound, checked_batch, operator, wrong_type
 
 
@@ -100,9 +102,11 @@ def tensor(of: Operator, name: str, x: Any, default: Any, kind: Any) -> Any:
         batch = torch.broadcast_shapes(*(e.shape for e in entries.values()))
         columns = [entries[i] if i in entries else default[i] for i in range(default.shape[-1])]
         return torch.stack([c.expand(batch) for c in columns], -1)
+    if isinstance(x, (list, tuple)) and any(isinstance(e, torch.Tensor) for e in x):
+        return torch.stack([tensor(of, name, e, default, kind) for e in x])
     if not isinstance(x, torch.Tensor):
-        try:
-            given = torch.as_tensor(x)
+        try:  # a copy, since the caller may change an array before derivatives read it
+            given = torch.from_numpy(np.array(x, order="C"))
         except (TypeError, ValueError, RuntimeError) as error:
             raise TypeError(f"{of.name}: {name} is {x!r}, expected numbers: {error}") from None
         number = isinstance(x, (int, float, list, tuple))

@@ -293,3 +293,14 @@ def test_a_solver_that_computes_with_numpy_is_refused(tmp_path: Path) -> None:
     solver = example("pendulum", tmp_path / "plain", ["accelerations"], target="numpy")
     with pytest.raises(codegen.runtime.NoCompilerError, match="computes with NumPy"):
         codegen.jax.function(solver, "accelerations")([0.1], [0.2])
+
+
+def test_arrays_may_change_before_derivatives_read_them(pendulum: codegen.Solver) -> None:
+    q, u, room = np.array([0.1, 0.7]), np.array([0.3, -1.1]), np.zeros(pendulum.np + 8)
+    p = room[-room.ctypes.data % 64 // 8 :][: pendulum.np]  # JAX does not copy arrays at such addresses by itself
+    p[:] = pendulum.parameters
+    f = codegen.jax.function(pendulum, "accelerations")
+    _, back = jax.vjp(lambda q: f(q, u, p), jnp.array(q))
+    wanted = pendulum.gradients(q, u, p, weights=np.ones(2)).q
+    p *= 3.0
+    assert (np.asarray(back(jnp.ones(2))[0]) == wanted).all()

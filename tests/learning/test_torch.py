@@ -192,3 +192,22 @@ def test_wrong_arguments_raise(pendulum: codegen.Solver, satellite: codegen.Solv
     for call, error, message in cases:
         with pytest.raises(error, match=message):
             call()
+
+
+def test_arguments_that_are_no_tensors(pendulum: codegen.Solver) -> None:
+    """Lists keep double precision, arrays may change after a call and have any strides, and lists of tensors keep gradients."""
+    f = codegen.torch.function(pendulum, "accelerations")
+    q, u, p = [0.1, 0.7], np.array([0.3, -1.1]), pendulum.parameters.copy()
+    wanted = pendulum.accelerations(q, u, p)
+    assert (f(q, u, p).numpy() == wanted).all()
+    assert (f(np.array(q[::-1])[::-1], u[::-1].copy()[::-1], p).numpy() == wanted).all()
+    x = torch.tensor(q, dtype=torch.float64, requires_grad=True)
+    value = f(x, u, p).sum()
+    gradients = pendulum.gradients(q, u, p, weights=[1.0, 1.0])
+    u *= 2.0
+    p *= 3.0
+    value.backward()
+    assert (x.grad.numpy() == gradients.q[0]).all()
+    lower = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
+    f([0.1, lower], [0.3, -1.1]).sum().backward()
+    assert float(lower.grad) == gradients.q[0, 1]
