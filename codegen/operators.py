@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 import threading
@@ -89,6 +90,7 @@ class Operator:
         self.size = math.prod(self.shape)
         self.dtype = np.dtype(self.opened.target.dtype)
         self.nan = solver.bad_states == "nan"
+        self._copy: Any = None
         q, u = solver.initial
         self.defaults = {
             "q": q, "u": u, "p": solver.parameters, "inputs": np.zeros(solver.ninputs), "t": np.zeros(1),
@@ -111,6 +113,19 @@ class Operator:
     def function(self, name: str) -> Any:
         """A generated function; an error that says how to generate it if the package lacks it."""
         return self.solver._find(self.opened, name)
+
+    @property
+    def runs(self) -> Any:
+        """The solver with the operator's partition and `bad_states`: a copy after these have changed."""
+        solver = self.solver
+        if solver.partition == self.opened.number and (solver.bad_states == "nan") == self.nan:
+            return solver
+        if self._copy is None:
+            made = copy.copy(solver)
+            made.use_partition(self.opened.number)
+            made.bad_states = "nan" if self.nan else "error"
+            self._copy = made
+        return self._copy
 
     def has(self, name: str) -> bool:
         """Whether the package has a generated function."""

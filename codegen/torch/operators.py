@@ -100,7 +100,7 @@ def _along(of: Operator, x: Sequence[Tensor], seeds: Sequence[Tensor | None]) ->
     turned = _seeds(of, batch, seeds)
     if all(s is None for s in turned):
         return np.zeros((*batch, *of.shape), of.dtype)
-    return of.solver._call(of.derived.along, _given(of, x), turned)[1][0]
+    return of.runs._call(of.derived.along, _given(of, x), turned)[1][0]
 
 
 def _against(of: Operator, x: Sequence[Tensor], weights: Tensor) -> list[Any]:
@@ -108,7 +108,7 @@ def _against(of: Operator, x: Sequence[Tensor], weights: Tensor) -> list[Any]:
     batch = lead(of, x)
     w = weights.detach().contiguous().numpy()
     if of.has(of.derived.against):
-        method = getattr(of.solver, GRADIENTS[of.name])
+        method = getattr(of.runs, GRADIENTS[of.name])
         return [*method(*_given(of, x), weights=w[None])[:], None] if len(of.shape) == 1 else []
     names = [n for n in order(of) if n in of.takes and of.sizes[n]]
     sizes = [of.sizes[n] for n in names]
@@ -118,7 +118,7 @@ def _against(of: Operator, x: Sequence[Tensor], weights: Tensor) -> list[Any]:
         part = units[:, start : start + m].reshape(len(units), *(1,) * len(batch), m)
         parts[n], start = part[..., 0] if n == "t" else part, start + m
     seeds = tuple([parts.get(n) for n in order(of) if n])
-    whole = of.solver._call(of.derived.along, _given(of, x), seeds)[1]
+    whole = of.runs._call(of.derived.along, _given(of, x), seeds)[1]
     axes = tuple(range(-len(of.shape), 0))
     sums = np.moveaxis((whole * w).sum(axes), 0, -1)
     found, start = {}, 0
@@ -145,7 +145,7 @@ GRADIENT = "(Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)"
 
 def _value(*given: Any) -> Tensor:
     of = operator_of(given[-1])
-    found = of.solver._call(of.name, _given(of, given[:6]))[0]
+    found = of.runs._call(of.name, _given(of, given[:6]))[0]
     return torch.from_numpy(np.ascontiguousarray(found))
 
 
@@ -168,7 +168,7 @@ def _curved(*given: Any) -> tuple[Tensor, ...]:
     if all(s is None for s in turned):
         return _gradients(of, x, [None] * ARGUMENTS)
     named = dict(zip(("dq", "du", "dp", "dinputs", "dt"), turned, strict=False))
-    found = of.solver.hessian_products(*_given(of, x), weights=weights.detach().numpy(), **named)
+    found = of.runs.hessian_products(*_given(of, x), weights=weights.detach().numpy(), **named)
     return _gradients(of, x, [*found, None])
 
 

@@ -211,3 +211,26 @@ def test_arguments_that_are_no_tensors(pendulum: codegen.Solver) -> None:
     lower = torch.tensor(0.7, dtype=torch.float64, requires_grad=True)
     f([0.1, lower], [0.3, -1.1]).sum().backward()
     assert float(lower.grad) == gradients.q[0, 1]
+
+
+def test_functions_keep_their_partition_and_their_treatment_of_bad_states(tmp_path: Path) -> None:
+    solver = example("four_bar", tmp_path / "four_bar", SECOND, partitions=2)
+    f = codegen.torch.function(solver, "accelerations")
+    q, u = solver.assemble(solver.initial[0], solver.initial[1] + 0.3)
+    x = torch.tensor(q, requires_grad=True)
+
+    def gradient() -> Any:
+        x.grad = None
+        f(x, u).sum().backward()
+        return x.grad.numpy().copy()
+
+    wanted = solver.gradients(q, u, weights=np.ones(solver.nu)).q[0]
+    assert (gradient() == wanted).all()
+    solver.use_partition(1)
+    solver.bad_states = "nan"
+    assert (gradient() == wanted).all()
+    with pytest.raises(ValueError, match="finite"):
+        f(np.full((2, solver.nq), np.nan), u)
+    other = codegen.torch.function(solver, "accelerations")
+    other(x, u).sum().backward()
+    assert not (x.grad.numpy() == 2 * wanted).all()
