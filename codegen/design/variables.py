@@ -263,13 +263,9 @@ class Variables:
         for i, (kind, at, _) in enumerate(self._places):
             if kind == "p":
                 dp[i, at] = 1.0
-        found = None
-        if "initial_at_rest" in solver._manifest:
-            found = solver.initial_sensitivities(p, dp=dp)
-        elif solver._has("initial_sensitivities"):
-            found = solver._call("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
+        found = solver._states.first_sensitivities(p, dp)
         if found is not None:
-            dq, du = found[2].copy(), found[3].copy()
+            dq, du = (x.copy() for x in found)
             dq[:, [solver.coordinate_names.index(name) for name in given_q]] = 0.0
             du[:, [solver.speed_names.index(name) for name in given_u]] = 0.0
         for i, (kind, at, _) in enumerate(self._places):

@@ -213,6 +213,30 @@ def test_second_derivatives_of_initial_values_count(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, found.T, rtol=0, atol=1e-12 * np.abs(found).max())
 
 
+@pytest.mark.parametrize("given", [{"q": {"cart": 0.2}}, {"q": {"pole": 0.2}, "u": {"cart": 0.1}}])
+def test_initial_values_that_a_mapping_omits_depend_on_parameters(given: Any, tmp_path: Path) -> None:
+    """Gradients against differences of values, Hessians against differences of gradients."""
+    model = tmp_path / "formula.yaml"
+    formulas = "initial: {q: {pole: sin(pole_length**2), cart: bob_mass**2*pole_length}, u: {pole: bob_mass**3}}"
+    model.write_text(f"{(EXAMPLES / 'swing_up.yaml').read_text()}\n{formulas}\n")
+    codegen.generate(model, tmp_path / "package", functions="motion,hessian_products")
+    solver = codegen.load(tmp_path / "package")
+    wrt, x, h = ("pole_length", "bob_mass"), np.array([0.6, 0.2]), 1e-3
+
+    def judged_at(x: np.ndarray, **more: Any) -> Any:
+        p = dict(zip(wrt, x, strict=True))
+        return solver.judge(0.5, [Final("tip_x"), Integral("kinetic")], p=p, wrt=wrt, **given, **FIXED, **more)
+
+    found = judged_at(x, hessian=True)
+    for method in ("forward", "adjoint"):
+        np.testing.assert_allclose(judged_at(x, method=method).gradients, found.gradients, rtol=1e-12, atol=1e-14)
+    for i, e in enumerate(h * np.eye(2)):
+        ends = [judged_at(x + n * e, method="adjoint") for n in (1, -1, 2, -2, 3, -3)]
+        for of, exact in (("values", found.gradients[:, i]), ("gradients", found.hessian_products[:, i])):
+            one, two, three = (getattr(a, of) - getattr(b, of) for a, b in zip(ends[::2], ends[1::2], strict=True))
+            np.testing.assert_allclose(exact, (45 * one - 9 * two + three) / (60 * h), rtol=1e-8, atol=1e-10)
+
+
 def test_prescribed_motion(tmp_path: Path) -> None:
     """Products equal those of differences, with a driving force among the outputs."""
     codegen.generate(EXAMPLES / "shaken_pendulum.yaml", tmp_path / "package", functions=FUNCTIONS)

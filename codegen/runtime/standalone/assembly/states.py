@@ -41,10 +41,17 @@ class States(Room):
         if "initial_at_rest" in self._manifest:
             return self._at_rest(p, dp)
         q, u = self.initial_values(p)
-        dq = du = None
-        if self.package._has("initial_sensitivities"):
-            _, _, dq, du = self._call("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
+        dq, du = self.first_sensitivities(p, dp) or (None, None)
         return self.assemble_sensitivities((q, u, p, None, 0.0), (dq, du, dp, None, None))
+
+    def first_sensitivities(self, p: Numbers, dp: Numbers) -> tuple[Array, Array] | None:
+        """Derivatives (k, nq), (k, nu) of the model's initial values before assembly; None if they are constants."""
+        if "initial_at_rest" in self._manifest:
+            return self._at_rest(p, dp)[2:]
+        if not self.package._has("initial_sensitivities"):
+            return None
+        _, _, dq, du = self._call("initial_sensitivities", (None, None, p, None, 0.0), (None, None, dp, None, None))
+        return dq, du
 
     def assemble(
         self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, follow: bool | None = None

@@ -159,6 +159,13 @@ class Arguments:
             result[..., names.index(n)] = x
         return result
 
+    def omitted(self, name: str, given: Any) -> Array:
+        """Which entries (n,) a user leaves to the model: those that a mapping omits; all if nothing is given."""
+        if not isinstance(given, Mapping):
+            return np.full(self.shapes[name], given is None)
+        found: Any = np.isnan(self._named(name, given, name, np.nan)).reshape(-1, *self.shapes[name]).all(axis=0)
+        return found
+
     def _single(self, name: str, given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
         """Splits vectors given under the name of a joint with several degrees of freedom, or of a vector, into named
         entries."""

@@ -174,7 +174,7 @@ class FunctionalGradients(Simulation):
         if along.dinputs is not None:
             changes = changes + np.einsum("mrci,kci->mrk", found.inputs, along.dinputs)
         gradients, products = changes[:, 0].copy(), changes[:, 1:].copy()
-        if not directions.given and (first.q is None or first.u is None) and not self.states.initial_is_fixed:
+        if not directions.given:
             products += self._of_first_state(found.state[:, 0], directions.dp, factors, first, problem)
         self._check(gradients, weights, directions, problem, run, set())
         if not np.isfinite(products).all():
@@ -192,19 +192,20 @@ class FunctionalGradients(Simulation):
 
     def _of_first_state(self, by_state: Array, dp: Array, factors: Array, first: Start, problem: Problem) -> Array:
         """Contribution (m, r, k) of second derivatives of the model's initial state, a function of the parameters."""
-        if "initial_at_rest" in self._manifest:
+        omitted = np.concatenate([self._arguments.omitted("q", first.q), self._arguments.omitted("u", first.u)])
+        total = np.zeros((len(by_state), len(factors), len(dp)))
+        if "initial_at_rest" in self._manifest and omitted.any():
             raise ValueError(
                 "hessian: the model's initial state is an equilibrium that depends on parameters; allowed are "
                 "initial values that are numbers or formulas. Give q and u of that equilibrium, which then count as constant"
             )
-        p = Jet(problem.p, (factors @ dp).T)
+        if not omitted.any() or not self.package._has("initial_sensitivities"):
+            return total
         functions = self._dual(self._opened)
-        found = functions.along("initial_sensitivities", {"p": p}, {"dp": dp})
+        found = functions.along("initial_sensitivities", {"p": Jet(problem.p, (factors @ dp).T)}, {"dp": dp})
         by_name = dict(zip(functions.functions["initial_sensitivities"].results, found, strict=True))
-        total = np.zeros((len(by_state), len(factors), len(dp)))
-        for name, given, of in (("dq", first.q, by_state[:, : self.nq]), ("du", first.u, by_state[:, self.nq :])):
-            if given is None:
-                total += np.einsum("mi,kir->mrk", of, by_name[name].slope)
+        slope = np.concatenate([by_name["dq"].slope, by_name["du"].slope], axis=1)
+        total += np.einsum("mi,kir->mrk", by_state * omitted, slope)
         return total
 
     def _values(

@@ -179,10 +179,19 @@ class Simulation(Reasons):
         directions = take_sensitivities(self, given.sensitivities, given.dq0, given.du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
-        if directions.k and not directions.given and (q is None or u is None) and not self.states.initial_is_fixed:
-            of_model = self.states.initial_sensitivities(p_all, directions.dp)
-            dq = dq + (of_model[2] if q is None else 0.0)
-            du = du + (of_model[3] if u is None else 0.0)
+        if directions.k and not directions.given and not self.states.initial_is_fixed:
+            along: tuple[Array, Array] | None
+            if q is None or u is None:
+                of_model = self.states.initial_sensitivities(p_all, directions.dp)
+                along = of_model[2:]
+            else:
+                partly = isinstance(q, Mapping) or isinstance(u, Mapping)
+                along = self.states.first_sensitivities(p_all, directions.dp) if partly else None
+            if along:
+                dq, du = (
+                    x + of * self._arguments.omitted(n, given)
+                    for x, of, n, given in zip((dq, du), along, "qu", (q, u), strict=True)
+                )
         first = {"p": p_all, "inputs": spline.at(start), "t": start}
         if of_model and q is None and u is None and not self.prescribed_names:
             q_all, u_all = of_model[:2]
