@@ -112,6 +112,17 @@ static void continue_inputs(unit *x, scalar t, scalar h)
     }
 }
 
+/* Inputs of prescribed motion, and their rates, at the end of their polynomials. */
+static void end_inputs(unit *x, scalar h)
+{
+    const ordernm_system *const s = x->system;
+    const int n = ordernm_signals(s);
+    for (int k = 0; k < s->nmoving; ++k) {
+        x->inputs[s->moving[k]] = x->points[2*n + s->moving[k]];
+        x->inputs[n + 2*k] += h*x->inputs[n + 2*k + 1];
+    }
+}
+
 /* The integrator's memory for a motion from t to t + h. */
 static void begin(unit *x, scalar t, scalar h)
 {
@@ -365,7 +376,7 @@ static int why_it_ended(unit *x, int reason)
     return unit_say(x, UNIT_ERROR, "the motion ends at t = %.9g s: %s", r->t, text);
 }
 
-/* A step of Co-Simulation from the communication point t; inputs are constant in it. */
+/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials, others are constant. */
 int unit_step(unit *x, scalar t, scalar h)
 {
     if (!(h > 0.0) || !isfinite(h)) return unit_say(x, UNIT_ERROR, "the communication step size is %g s, expected a positive number", h);
@@ -380,6 +391,7 @@ int unit_step(unit *x, scalar t, scalar h)
     while (reason == ORDERNM_PAUSED);
     if (reason != ORDERNM_ENDED) return why_it_ended(x, reason);
     ordernm_state(x->motion, x->q, x->u);
+    end_inputs(x, t + h - *x->t);
     *x->t = t + h;
     *x->step = fmin(x->results.next_step, h) > 0.0 ? x->results.next_step : 0.0;
     for (int i = 0; i < x->nfq; ++i) x->known[1 + i] = x->q[x->system->free_q[i]];

@@ -4,9 +4,9 @@
 #include <math.h>
 #include <string.h>
 
-/* Longest way of independent coordinates, in rad or m, and of parameters, relative, over which Newton's method follows a mechanism at
- * once; and the largest number of such steps. */
-static const scalar AT_ONCE = 0.1;
+/* Longest way of independent coordinates and prescribed inputs, in rad or m, and of parameters, relative, over which Newton's method
+ * follows a mechanism at once; the same of dependent coordinates; and the largest number of such steps. */
+static const scalar AT_ONCE = 0.1, FAR = 0.5;
 enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
 
 static const char OPEN[] = "the loops cannot be closed: Newton's method does not converge. The mechanism may be at the end of its reach, or "
@@ -51,19 +51,28 @@ static void arguments(unit *x, ordernm_call *c)
     c->inputs = x->way + 1 + x->nfq + x->np;
 }
 
+/* Closes the loops at a part of the way. A step to a state that is far from the last one may have left the branch, and fails. */
 static int close_at(unit *x, scalar part, ordernm_call *c)
 {
+    const ordernm_motion *const m = x->motion;
     take_way(x, part);
     arguments(x, c);
     const int status = ordernm_close_loops(x->motion, c);
-    if (!status && !x->motion->identity) memcpy(x->near, x->motion->q, x->nq*sizeof(scalar));
-    return status;
+    if (status || m->identity) return status;
+    for (int i = 0; i < m->nd; ++i)
+        if (fabs(m->q[m->dependent[i]] - x->near[m->dependent[i]]) > FAR) return -1;
+    memcpy(x->near, m->q, x->nq*sizeof(scalar));
+    return 0;
 }
 
 static int number_of_steps(const unit *x)
 {
+    const ordernm_system *const s = x->system;
+    const int first = 1 + x->nfq + x->np;
     scalar longest = 0.0;
-    for (int i = 1; i < 1 + x->nfq + x->np; ++i) {
+    if (x->model->moved && *x->mode <= INITIALIZING && x->way[0] != x->known[0]) return MOST_STEPS; /* a start later than at 0 */
+    for (int i = 0; i < s->nmoving; ++i) longest = fmax(longest, fabs(x->way[first + s->moving[i]] - x->known[first + s->moving[i]]));
+    for (int i = 1; i < first; ++i) {
         const scalar scale = i <= x->nfq ? 1.0 : fabs(x->known[i]) + AT_ONCE;
         longest = fmax(longest, fabs(x->way[i] - x->known[i])/scale);
     }
