@@ -191,8 +191,16 @@ def _roofline(data: dict[str, Any]) -> Section:
         "of the vectors' peak",
         "of one number at a time",
     ]
-    text = "Operations per second, compared with loops of multiply-adds and of sums that were measured in the same run."
-    return Section("Roofline", [text], ["roofline"], [Table("", head, rows)])
+    text = [
+        "Operations per second, compared with loops of multiply-adds and of sums that were measured in the same run."
+    ]
+    above = [p["name"] for p in r["points"] if p["per_second"] > r["peaks"]["vectors"]]
+    if above:
+        text.append(
+            f"{', '.join(above)}: faster than the peak. Other work slowed the core down while it measured the peak; "
+            "repeat the report on a quiet machine."
+        )
+    return Section("Roofline", text, ["roofline"], [Table("", head, rows)])
 
 
 def _errors(data: dict[str, Any]) -> Section:

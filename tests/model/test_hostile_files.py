@@ -243,7 +243,7 @@ bodies:
             model = parse_model(text % n)
             best = min(best, time.process_time() - start)
         times.append(best / n)
-    assert times[1] < 2 * times[0]
+    assert times[1] < 3 * times[0]  # 10 times if it were quadratic
     # odd and even links are made of the same objects
     assert len({id(b.joint) for b in model.bodies}) == 3  # the first, even, odd
     tracemalloc.start()
