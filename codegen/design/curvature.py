@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.motion.functionals import Functional
-from .failures import FAILURES
 from .variables import Variables
 
 KEPT = 8
@@ -30,6 +29,11 @@ class Curvatures:
         The list of an objective, to which constraints may be added later.
     options : dict
         Options of `Solver.judge`.
+
+    Attributes
+    ----------
+    motions : int
+        Number of motions that were run.
     """
 
     def __init__(
@@ -39,13 +43,16 @@ class Curvatures:
         self._solver, self._variables, self._span, self._functionals = solver, variables, (start, end), functionals
         self._options = {name: value for name, value in options.items() if name != "method"}
         self._known: OrderedDict[tuple[bytes, tuple[int, ...]], Array] = OrderedDict()
+        self.motions = 0
 
     def products(self, x: ArrayLike, v: ArrayLike, which: Sequence[int]) -> Array:
-        """Products (len(which), n) of Hessians of functionals with a direction v (n,); zeros if the motion fails.
+        """Products (len(which), n) of Hessians of functionals with a direction v (n,).
 
         Raises
         ------
         ValueError
+        SimulationError, AssemblyError, SingularJointError
+            The motion fails.
         """
         x, direction, n = np.array(x, float), np.asarray(v, float), len(self._variables)
         if direction.shape != (n,) or not np.isfinite(direction).all():
@@ -65,12 +72,10 @@ class Curvatures:
         v = self._variables
         check_initial_state(v)
         wanted = [self._functionals[i] for i in which]
-        try:
-            judged = self._solver.judge(
-                self._span, wanted, **v.motion(x), wrt=v.names, hessian=directions * v.scale, **self._options
-            )
-        except FAILURES:
-            return np.zeros((len(wanted), len(directions), len(v)))
+        self.motions += 1
+        judged = self._solver.judge(
+            self._span, wanted, **v.motion(x), wrt=v.names, hessian=directions * v.scale, **self._options
+        )
         found: Array = judged.hessian_products * v.scale
         return found
 

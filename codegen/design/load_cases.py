@@ -106,7 +106,7 @@ class LoadCases(OfVariables):
         Returns
         -------
         ndarray (n,)
-            The product.
+            The product; NaN where a motion fails.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class LoadCases(OfVariables):
         >>> bool(np.allclose(f.hessp(f.x0, [1.0]), 2 * case.hessp(f.x0, [1.0])))
         True
         """
-        found: Array = self.weights @ np.array([case.hessp(x, v) for case in self.cases])
+        found: Array = self.weights @ np.array([case.hessp(x, v) for case in self.cases])  # zero times NaN is NaN
         return found
 
     def error(self, x: ArrayLike) -> Exception:
@@ -157,7 +157,7 @@ class LoadCases(OfVariables):
 
     @property
     def motions(self) -> int:
-        """Number of motions that were run."""
+        """Number of motions that were run, including those of `hessp`."""
         return sum(case.motions for case in self.cases)
 
     def result(self, x: ArrayLike) -> Outcome:

@@ -137,7 +137,7 @@ class Objective(OfVariables):
     variables : Variables
         The design variables.
     history : list of Evaluation
-        Every motion that was run.
+        Every motion that was run for a value or gradient.
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class Objective(OfVariables):
         """Return the constraint ``lower <= functionals <= upper`` with its exact Jacobian.
 
         Equal bounds make an equation. Where a motion fails, the constraint has the values of the last motion that did
-        not fail.
+        not fail, and its Hessian is zero.
 
         Parameters
         ----------
@@ -202,6 +202,8 @@ class Objective(OfVariables):
         at, low, high = self._constrained(functionals, lower, upper)
 
         def curvature(x: ArrayLike, v: Array) -> Array:
+            if self._at(x).error is not None:
+                return np.zeros((at.stop - at.start, len(self.variables)))
             return self._curvatures.products(x, v, range(at.start, at.stop))
 
         return nonlinear(self._safe, at, low, high, curvature)
@@ -260,7 +262,7 @@ class Objective(OfVariables):
         Returns
         -------
         ndarray (n,)
-            The product; zeros where the motion fails.
+            The product; NaN where the motion fails.
 
         Raises
         ------
@@ -278,7 +280,12 @@ class Objective(OfVariables):
             raise ValueError(
                 "objective: combine has no second derivatives; Hessians need weights= instead, or none of the two"
             )
-        found: Array = self._weights @ self._curvatures.products(x, v, range(len(self._weights)))
+        try:
+            found: Array = self._weights @ self._curvatures.products(x, v, range(len(self._weights)))
+        except FAILURES:
+            if self._on_failure == "raise":
+                raise
+            return np.full(len(self.variables), np.nan)
         return found
 
     # -- motions -------------------------------------------------------------------------------------------------------
@@ -347,8 +354,8 @@ class Objective(OfVariables):
 
     @property
     def motions(self) -> int:
-        """Number of motions that were run."""
-        return len(self.history)
+        """Number of motions that were run, including those of `hessp`."""
+        return len(self.history) + self._curvatures.motions
 
     @property
     def failures(self) -> list[Evaluation]:

@@ -105,10 +105,10 @@ def optimize(
         more = {}
     if hessian:
         more["constraints"] = [with_exact_hessian(c) for c in constraints]
-    if hessian or method in NEWTON:
-        more["hessp"] = objective.hessp
     start = _start(objective, method, x0)
     judged = _SteppingBack(objective, start)
+    if hessian or method in NEWTON:
+        more["hessp"] = judged.hessp
     # a callback or SciPy may print, which a status line would disturb
     prints = callback is not None or any(options.get(word) for word in ("disp", "iprint", "verbose"))
     with contextlib.nullcontext() if prints else working("optimizing"):
@@ -150,7 +150,7 @@ def _start(objective: Objective | LoadCases, method: str, x0: ArrayLike | None) 
 
 
 class _SteppingBack:
-    """An objective for line searches: if a motion fails, the value is large and finite, and the gradient is zero.
+    """An objective for line searches: if a motion fails, the value is large and finite, and its derivatives are zero.
 
     Raises
     ------
@@ -172,6 +172,18 @@ class _SteppingBack:
             return value, gradient
         far = self.high + STEP_BACK * max(self.high - self.low, abs(self.high), 1e-3)
         return self._far.setdefault(np.asarray(x).tobytes(), far), np.zeros_like(gradient)
+
+    def hessp(self, x: Array, v: Array) -> Array:
+        """The product of the Hessian with a direction; zeros if a motion fails."""
+        if not math.isfinite(self.objective(x)):
+            return np.zeros(len(x))
+        product = self.objective.hessp(x, v)
+        if not np.isfinite(product).all():
+            raise ValueError(
+                "optimize: the objective has no finite second derivatives at an x of the search; allowed are models and "
+                "functionals whose Hessian products are finite. Use method 'L-BFGS-B' or 'SLSQP', which need none"
+            )
+        return product
 
 
 def _why_stuck(objective: Objective | LoadCases, result: Any, size: float) -> str:

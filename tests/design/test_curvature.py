@@ -70,6 +70,60 @@ def test_load_cases_add_products(solver: Any) -> None:
     np.testing.assert_allclose(f.hessp(f.x0, v), 2 * one.hessp(f.x0, v) + 3 * two.hessp(f.x0, v), rtol=1e-12)
 
 
+@pytest.mark.parametrize("bounds", [None, (-20.0, 20.0)])
+def test_products_are_not_numbers_where_a_motion_fails(solver: Any, bounds: Any) -> None:
+    f = made(solver, bounds, most_steps=3)
+    other = made(solver, bounds)
+    v = np.ones(len(f.x0))
+    assert np.isnan(f.hessp(f.x0, v)).all()
+    assert np.isnan(ordernm.load_cases([other, f], weights=[1.0, 0.0]).hessp(f.x0, v)).all()
+    assert np.isfinite(other.hessp(f.x0, v)).all()
+    with pytest.raises(ordernm.runtime.SimulationError):
+        made(solver, bounds, most_steps=3, on_failure="raise").hessp(f.x0, v)
+    there = f.constraint(Final("angle"), 0.0)
+    assert (there.curvature(f.x0, v) == 0.0).all()
+
+
+@pytest.mark.parametrize("method", ["trust-krylov", "trust-ncg"])
+def test_searches_step_back_from_motions_that_fail(solver: Any, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newton's first step would pass the minimum at 0.50 m; motions fail beyond 0.53 m."""
+    judge, failed = solver.judge, []
+
+    def judged(*given: Any, p: Any, **more: Any) -> Any:
+        if p[solver.parameter_names.index("pole_length")] > 0.53:
+            failed.append(p)
+            raise ordernm.runtime.SimulationError("too long", None)
+        return judge(*given, p=p, **more)
+
+    monkeypatch.setattr(solver, "judge", judged)
+    f = ordernm.objective(
+        solver, 1.0, LeastSquares([1.0], {"tip_z": [-0.5]}), {"pole_length": None}, p={"pole_length": 0.7},
+        inputs=(TIMES, np.sin(5 * TIMES), "linear"), integrator="rk4", step=0.02,
+    )  # fmt: skip
+    found = ordernm.optimize(f, method, x0=[0.3], gtol=1e-9)
+    assert np.isfinite(found.fun)
+    assert np.abs(f.gradient(found.x)).max() < 1e-8
+    assert failed
+
+
+def test_motions_of_hessians_count(solver: Any) -> None:
+    f = made(solver)
+    f.gradient(f.x0)
+    assert f.motions == 1
+    for v in np.eye(len(f.x0)):
+        f.hessp(f.x0, v)
+    assert f.motions == 2
+
+
+def test_products_that_do_not_exist_end_a_search_with_a_reason(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    f = made(solver)
+    monkeypatch.setattr(f, "hessp", lambda x, v: np.full(len(x), np.nan))
+    with pytest.raises(
+        ValueError, match=r"no finite second derivatives at an x of the search; .* Use method 'L-BFGS-B'"
+    ):
+        ordernm.optimize(f, "trust-krylov")
+
+
 def test_refusals(solver: Any) -> None:
     f = made(solver, (-20.0, 20.0))
     with pytest.raises(ValueError, match=r"'trust-krylov' does not take bounds, and inputs.push"):

@@ -249,6 +249,9 @@ def test_prescribed_motion(tmp_path: Path) -> None:
         p = dict(zip(wrt[:3], x[:3], strict=True))
         return solver.judge(0.6, wanted, [x[3], 0.25], [0.2, x[4]], p, wrt=wrt, integrator="rk4", step=0.02, **more)
 
+    default = solver.judge(0.1, Final("height"), wrt="length", hessian=True)  # the model's initial state
+    given = solver.judge(0.1, Final("height"), *solver.initial_state(), wrt="length", hessian=True)
+    np.testing.assert_allclose(default.hessian_products, given.hessian_products, rtol=1e-14)
     found = judged_at(x, hessian=True).hessian_products
     scale, h = np.abs(found).max(axis=(1, 2)), 1e-3
     assert (np.abs(found - found.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-13 * scale).all()
