@@ -60,7 +60,7 @@ def generate(
     model : Model or path
         The model, or its file.
     folder : path, optional
-        The package to write. Left out: ``generated/NAME``. It may hold an earlier package; anything else needs `force`.
+        The package to write. Default: ``generated/NAME``. It may hold an earlier package; anything else needs `force`.
     target : {"c", "numpy", "both"}, optional
         The code that the package's `Solver` runs. Both are always written.
     layout : {"auto", "kinds", "unrolled"}, optional
@@ -76,7 +76,7 @@ def generate(
         Include `Solver.frames`, `Solver.points` and their derivatives.
     functions : sequence of str, or str with commas, optional
         Functions that the solver has: names of its methods, such as ``("accelerations", "gradients")``, or of groups,
-        such as ``"dynamics"``, ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"``. Left out: all. The
+        such as ``"dynamics"``, ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"``. Default: all. The
         methods that make states consistent are always included.
     scalar : {"float64", "float32"}, optional
         Scalar type of the C, its arrays and results. With "float32" `Solver.simulate` and `Solver.judge` are absent,

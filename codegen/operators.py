@@ -105,18 +105,18 @@ class Operator:
         """Shape of the result of one state."""
         if not self.composed:
             return tuple(self.function(self.name).shapes[0])
-        method = getattr(self.solver, self.name)  # Python composes it
+        method = getattr(self.solver, self.name)  # composed in Python
         q, u = self.solver.initial
         given = {"q": q, "u": u, "udot": u * 0.0, "b": u * 0.0}
         return tuple(np.shape(method(*(given[n] for n in self.takes if n in given))))
 
     def function(self, name: str) -> Any:
-        """A generated function; an error that says how to generate it if the package lacks it."""
+        """A generated function. If the package lacks it, an error says how to generate it."""
         return self.solver._find(self.opened, name)
 
     @property
     def runs(self) -> Any:
-        """The solver with the operator's partition and `bad_states`: a copy after these have changed."""
+        """The solver with the operator's partition and `bad_states`; a copy if the solver's own have changed since."""
         solver = self.solver
         if solver.partition == self.opened.number and (solver.bad_states == "nan") == self.nan:
             return solver
@@ -178,7 +178,7 @@ def operator(solver: Any, name: str) -> Operator:
             f"{name!r} is not a function that can be differentiated; allowed are {', '.join(FUNCTIONS)}{hint}"
         )
     with _making:
-        of_solver = solver.__dict__.setdefault("_operators", {})  # ends with the solver
+        of_solver = solver.__dict__.setdefault("_operators", {})  # kept as long as the solver
         key = name, solver.partition, solver.bad_states
         if key not in of_solver:
             of_solver[key] = Operator(solver, name)

@@ -1,4 +1,4 @@
-"""The functions that become functions of CasADi: their arguments, their generated code, and patterns of their derivatives."""
+"""Functions of a solver for CasADi: their arguments, their generated code, and the patterns of their derivatives."""
 
 from __future__ import annotations
 
@@ -157,8 +157,8 @@ def _patterns(
 ) -> tuple[dict[str, Pattern], dict[tuple[str, str], Pattern]]:
     """Patterns of the Jacobian by argument, and of the change of gradients by pairs of arguments.
 
-    A seed that is not a number spoils exactly the results whose statements read it, whatever the state: NaN times zero is NaN.
-    So the patterns are those of the computation, not of the numbers at a state.
+    If a seed is NaN, exactly those results are NaN whose statements read it, because NaN times zero is NaN. So the
+    patterns hold for every state.
     """
     rows = int(value.shapes[0][0])
     jacobian = {a: np.zeros((rows, _size(manifest, a)), bool) for a in arguments}
@@ -187,7 +187,7 @@ def _size(manifest: Mapping[str, Any], argument: str) -> int:
 def _spoiled(
     target: Target, f: Function, state: Mapping[str, Any], arguments: tuple[str, ...]
 ) -> dict[str, list[Pattern]]:
-    """For each argument with seeds: which results are not numbers, by direction, if one seed is not a number."""
+    """Results that become NaN if one seed is NaN: by argument with seeds, and by direction."""
     found = {}
     for a in arguments:
         if f"d{a}" in f.seeds:
@@ -199,7 +199,8 @@ def _spoiled(
 
 
 def _states(manifest: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """The initial pose, with two sets of speeds and inputs; poses of closed loops would have to be closed again."""
+    """States for the patterns: the initial pose with two sets of speeds and inputs. Other poses of closed loops would
+    have to be assembled first."""
     draw = np.random.default_rng(SEED)
     shapes = shapes_of(manifest)
     for _ in range(2):

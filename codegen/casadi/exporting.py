@@ -72,9 +72,9 @@ def export_casadi(
     model : Model or path
         The model, or its file.
     folder : path, optional
-        The folder to write. Left out: ``exported/NAME_casadi``.
+        The folder to write. Default: ``exported/NAME_casadi``.
     functions : sequence of str, or str with commas, optional
-        The functions, as in `function`. Left out: all that the model has.
+        The functions, as in `function`. Default: all that the model has.
     force : bool, optional
         Also write into a folder with other files.
     progress : callable, optional

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from ..runtime import Solver
 
 OPTIONS = {"enable_forward": False, "jac_penalty": -1}
-"""CasADi computes directions by one Jacobian, which costs less than several directions one by one, and adjoints by adjoints,
-which have second derivatives."""
+"""Options of CasADi. Directions follow from one Jacobian, which costs less than several directions one by one. Adjoints
+come from the library's adjoint functions, which have second derivatives."""
 
 VALID = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*_?")
-"""Names that CasADi accepts, as ``casadi.Function.check_name`` has it."""
+"""Pattern of names that CasADi accepts, the same as in ``casadi.Function.check_name``."""
 
 
 def function(solver: Solver, name: str) -> Any:

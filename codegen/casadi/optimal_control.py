@@ -33,7 +33,7 @@ class _Variable(NamedTuple):
 
 
 class Collocation:
-    """A problem of optimal control, as `collocation` makes it.
+    """A problem of optimal control, made by `collocation`.
 
     Attributes
     ----------
@@ -215,7 +215,7 @@ class Collocation:
         hessian : {"exact", "limited-memory"}, optional
             Exact second derivatives, or the quasi-Newton approximation of IPOPT.
         guess : Optimum, optional
-            Where to start: an optimum of a problem of the same model. Left out: straight lines from start to end.
+            Where to start: an optimum of a problem of the same model. Default: straight lines from start to end.
         tolerance : float, optional
             IPOPT's `tol`.
         most_iterations : int, optional
@@ -257,7 +257,7 @@ class Collocation:
         most_iterations: int = 1000,
         options: Named | None = None,
     ) -> Callable[[], Optimum]:
-        """Return a function that solves the problem, so that CasADi derives the derivatives once for several calls.
+        """Return a function that solves the problem. CasADi then derives the derivatives once for all its calls.
 
         Parameters
         ----------
@@ -285,7 +285,7 @@ class Collocation:
             raise BridgeError(f"hessian is {hessian!r}; allowed are {' and '.join(map(repr, HESSIANS))}")
         if hessian == "exact":
             needs_second(self.solver, "accelerations", "hessian='exact'")
-            if self.solver._opened.manifest["quaternions"]:  # whose rates are products of quaternions and speeds
+            if self.solver._opened.manifest["quaternions"]:  # their rates are products of quaternions and speeds
                 needs_second(self.solver, "coordinate_rates", "hessian='exact'")
         more = {
             "tol": tolerance, "max_iter": most_iterations, "print_level": 0, "sb": "yes", "hessian_approximation": hessian,
@@ -327,7 +327,7 @@ class Collocation:
         return optimum
 
     def _from(self, guess: Optimum) -> Array:
-        """All variables, from another solution over the same fractions of its duration."""
+        """Values of all variables from another solution, at the same fractions of the duration."""
         if guess.y.shape[1:] != (len(self.names),) or guess.p.shape != self._p.shape:
             raise BridgeError(
                 f"guess has {guess.y.shape[1]} states and {guess.p.size} parameters, expected {len(self.names)} and "
@@ -415,7 +415,7 @@ def collocation(
     design : mapping of str to (float, float), optional
         Parameters that are variables, with their bounds.
     p : array_like or mapping, optional
-        Values of all parameters. Left out: the defaults.
+        Values of all parameters. Default: the defaults.
 
     Returns
     -------

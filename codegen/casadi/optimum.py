@@ -38,7 +38,7 @@ class Optimum:
     input_times : ndarray (m,)
         The collocation points.
     inputs : ndarray (m, ninputs)
-        Inputs there.
+        Inputs at these times.
     p : ndarray (np,)
         All parameters.
     design : dict of str to float
@@ -50,7 +50,7 @@ class Optimum:
     seconds : float
         Time in IPOPT.
     status : str
-        What IPOPT returned.
+        Status that IPOPT returned.
     """
 
     value: float

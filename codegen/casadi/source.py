@@ -38,7 +38,7 @@ def text(manifest: Mapping[str, Any], functions: Iterable[Bridged]) -> str:
 
 
 def _described(f: Bridged, manifest: Mapping[str, Any], closing: Function | None) -> dict[str, Any]:
-    """The variables of one function."""
+    """The template's variables for one function."""
     m, name = manifest["name"], casadi_name(f.name, manifest["name"])
     outside = {a: f.size(a) for a in f.arguments}
     value = _call(f"{m}_{f.value.name}", f, f.value, {f.value.results[0]: "y"})
@@ -80,7 +80,7 @@ def _tables(f: Bridged, name: str, outside: Mapping[str, int]) -> dict[str, list
 
 
 def _transposes(f: Bridged, name: str, model: str) -> list[str]:
-    """Functions in C of the gradient and of Hessian products, where the solver has these."""
+    """C functions of the gradient and of Hessian products, if the solver has these."""
     lines: list[str] = []
     if f.back:
         call = _call(f"{model}_{f.back.name}_1", f, f.back, {f.value.results[0]: "y"} | _weights(f))
@@ -110,7 +110,7 @@ def _members(f: Bridged, name: str, workspace: str) -> list[str]:
 
 
 Table = tuple[str, int]
-"""The name of an array of patterns, and the number of these."""
+"""Name of an array of patterns, and the number of patterns."""
 
 
 def _interfaces(f: Bridged, name: str) -> list[tuple[str, Table, Table, str]]:
@@ -202,7 +202,8 @@ def _arrays(kind: str, name: str, lists: Sequence[str]) -> list[str]:
 
 
 def ccs(pattern: Pattern) -> list[int]:
-    """CasADi's compressed columns: rows, columns, the beginning of each column, and the row of each entry."""
+    """A pattern as CasADi's compressed columns: numbers of rows and columns, beginning of each column, row of each
+    entry."""
     rows, columns = pattern.shape
     beginnings = np.concatenate([[0], np.cumsum(pattern.sum(axis=0))]).tolist()
     return [rows, columns, *beginnings, *np.nonzero(pattern.T)[1].tolist()]
@@ -222,7 +223,7 @@ def _transposition(pattern: Pattern) -> list[int]:
 
 
 def _list(numbers: Iterable[Any]) -> str:
-    """Numbers of an initialiser; C has no empty one."""
+    """Numbers of a C initialiser, which must not be empty."""
     return ", ".join(map(str, numbers)) or "0"
 
 

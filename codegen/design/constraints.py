@@ -28,7 +28,8 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
         raise ValueError(f"constraint: {count} functionals, and bounds {lower!r} and {upper!r}") from None
     if np.isnan([low, high]).any() or (low > high).any() or np.isinf([low, high]).all(axis=0).any():
         raise ValueError(
-            f"constraint: bounds are {lower!r} and {upper!r}; lower must not be above upper, one be finite"
+            f"constraint: bounds are {lower!r} and {upper!r}; lower must not be above upper, "
+            "and one of them must be finite"
         )
     return low, high
 

@@ -81,7 +81,7 @@ def fit(
     variables : str, sequence of str, or mapping of str to None, (lower, upper) or Variable
         Variables, as in `objective`. The search begins at the values of the given motion.
     sigma : float, or mapping of str to float or array_like (nt,), optional
-        Standard deviations of the samples, in their units. Left out: all are equal and follow from the residuals.
+        Standard deviations of the samples, in their units. Default: all are equal and follow from the residuals.
     q, u, p : array_like or mapping, optional
         Initial state and parameters where no variable determines them, as in `Solver.simulate`.
     inputs : array_like, tuple, callable, spline or mapping, optional

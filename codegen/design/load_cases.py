@@ -28,7 +28,7 @@ class LoadCases(OfVariables):
         One objective for each case, all of the same variables with the same bounds and scales. A search begins at the
         start of the first objective.
     weights : array_like (n,), optional
-        Weights of the cases in the sum. Left out: 1.
+        Weights of the cases in the sum. Default: 1.
     threads : int, optional
         Largest number of cases that are computed at once.
 

@@ -149,7 +149,7 @@ def simulate_many(
     inputs : list of n, array_like (n, ninputs), or inputs of Solver.simulate, optional
         Inputs over time. The first two forms differ between the motions.
     threads : int, optional
-        Number of threads. Left out: the number of processors that may be used.
+        Number of threads. Default: the number of processors that may be used.
     progress : callable, optional
         Called as ``progress(done, n)`` after each motion. A KeyboardInterrupt in it ends all motions; the results so
         far are returned.

@@ -184,7 +184,7 @@ class Objective(OfVariables):
         functionals : functional or sequence of m functionals
             `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`.
         lower, upper : float or array_like (m,), optional
-            Bounds in the units of the functionals. Left out: no bound.
+            Bounds in the units of the functionals. Default: no bound.
 
         Returns
         -------
@@ -218,7 +218,7 @@ class Objective(OfVariables):
         functionals : functional or sequence of m functionals
             `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`.
         lower, upper : float or array_like (m,), optional
-            Bounds in the units of the functionals. Left out: no bound.
+            Bounds in the units of the functionals. Default: no bound.
 
         Returns
         -------
@@ -398,7 +398,7 @@ class Objective(OfVariables):
         Parameters
         ----------
         x : array_like (n,), optional
-            Numbers of order one. Left out: the x with the smallest value so far.
+            Numbers of order one. Default: the x with the smallest value so far.
 
         Returns
         -------
@@ -432,9 +432,9 @@ class Objective(OfVariables):
         Parameters
         ----------
         x : array_like (n,), optional
-            Numbers of order one. Left out: the x with the smallest value so far.
+            Numbers of order one. Default: the x with the smallest value so far.
         t : float or array_like (nt,), optional
-            Times of the results, s. Left out: those of the objective's motion.
+            Times of the results, s. Default: those of the objective's motion.
         **more
             Further arguments of `Solver.simulate`.
 

@@ -48,12 +48,12 @@ def optimize(
     objective : Objective or LoadCases
         The function.
     method : {"L-BFGS-B", "SLSQP", "trust-constr", "trust-krylov", "trust-ncg"}, optional
-        SciPy's method. Left out: SLSQP with constraints, else L-BFGS-B. The last two are Newton's method with exact
+        SciPy's method. Default: SLSQP with constraints, else L-BFGS-B. The last two are Newton's method with exact
         Hessian products; they take neither bounds nor constraints.
     constraints : constraint or sequence of constraints, optional
         Results of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own constraints.
     x0 : array_like (n,), optional
-        Start, as numbers of order one. Left out: the start of the variables.
+        Start, as numbers of order one. Default: the start of the variables.
     tol : float, optional
         As in `scipy.optimize.minimize`.
     callback : callable, optional
@@ -109,7 +109,7 @@ def optimize(
     judged = _SteppingBack(objective, start)
     if hessian or method in NEWTON:
         more["hessp"] = judged.hessp
-    # a callback or SciPy may print, which a status line would disturb
+    # a callback or SciPy may print, and a status line would disturb this
     prints = callback is not None or any(options.get(word) for word in ("disp", "iprint", "verbose"))
     with contextlib.nullcontext() if prints else working("optimizing"):
         result = minimize(

@@ -41,8 +41,8 @@ LOST = ("KilledWorker",)
 """Errors of Dask for a lost worker, after which Dask continues."""
 
 IN_VAIN = 3
-"""Number of executors in a row that end on a single case without a result, after which the case is no longer recorded
-as the cause."""
+"""If this number of executors in a row end on single cases without any result, cases are no longer recorded as the
+cause."""
 
 SAME_ERROR = 8
 """A sweep is given up after this number of cases that all fail by errors in the measure."""
@@ -67,7 +67,7 @@ def sweep(
         ``measure(solver, case)`` returns a mapping of names to numbers, words, truth values or arrays of them, a few
         kilobytes at most. For processes it has to be a function of a module that the workers can import.
     executor : concurrent.futures.Executor, or callable that makes one, optional
-        Left out: as many threads as processors. A given executor stays open. One that the callable makes is closed, and
+        Default: as many threads as processors. A given executor stays open. One that the callable makes is closed, and
         made anew if it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its
         path.
     journal : path, optional
@@ -76,7 +76,7 @@ def sweep(
         variables that it closes over, and functions and values of modules that are not installed are compared.
         Installed packages, files that the measure reads and variables that it changes are not.
     chunk : int, optional
-        Number of cases that are sent together. Left out: the cases in 200 parts, at most 50 together.
+        Number of cases that are sent together. Default: the cases in 200 parts, at most 50 together.
     progress : callable, optional
         Called as ``progress(done, n)``. A KeyboardInterrupt in it ends the sweep; the results so far are returned.
     retry_failed : bool, optional

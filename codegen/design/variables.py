@@ -24,10 +24,10 @@ class Variable:
     lower, upper : float, or array_like (count,) for a whole input
         Bounds in the unit of the variable. None or an infinite number: no bound.
     scale : float, optional
-        Size of a significant change. Left out: half the distance of the bounds; without bounds, the size of the start,
+        Size of a significant change. Default: half the distance of the bounds; without bounds, the size of the start,
         or 1 if that is zero.
     start : float, or array_like (count,), optional
-        Start of the search. Left out: the value in the given motion.
+        Start of the search. Default: the value in the given motion.
 
     Examples
     --------

@@ -104,9 +104,9 @@ def export_c(
     model : Model or path
         The model, or its file.
     folder : path, optional
-        The folder to write. Left out: ``exported/NAME``.
+        The folder to write. Default: ``exported/NAME``.
     functions : sequence of str, or str with commas, optional
-        The functions, as in `generate`. Left out: all.
+        The functions, as in `generate`. Default: all.
     scalar : {"float64", "float32"}, optional
         Type of all numbers.
     force : bool, optional

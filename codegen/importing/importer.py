@@ -148,11 +148,11 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     **options
         Any of the following.
 
-        - ``name`` (str): Name of the model. Left out: from the file, or the file's own name.
-        - ``model`` (str): Model of an SDF world. Left out: the only one that moves.
-        - ``key`` (str): Keyframe of an MJCF that the model begins in. Left out: the first; ``""``: the reference
+        - ``name`` (str): Name of the model. Default: from the file, or the file's own name.
+        - ``model`` (str): Model of an SDF world. Default: the only one that moves.
+        - ``key`` (str): Keyframe of an MJCF that the model begins in. Default: the first; ``""``: the reference
           pose.
-        - ``base`` ({"fixed", "free"}): How the root of a URDF is attached to the ground. Left out: fixed. SDF and MJCF
+        - ``base`` ({"fixed", "free"}): How the root of a URDF is attached to the ground. Default: fixed. SDF and MJCF
           specify it.
         - ``keep_fixed`` (bool): Keep links on fixed joints as bodies. Otherwise they are merged with the body that
           carries them.
@@ -168,7 +168,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
           in the folder of a URDF is always read.
         - ``package_paths`` (sequence of str or path): Folders of the packages that the file names by ``package://``
           and ``model://``. Other files are read only from these and from the folder of the robot file.
-        - ``folder`` (str or path): Folder that the model's names of mesh files start from. Left out: that of the robot
+        - ``folder`` (str or path): Folder that the model's names of mesh files start from. Default: that of the robot
           file.
 
     Returns

@@ -47,7 +47,7 @@ def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str
         Values of parameters, SI units, and initial values of coordinates and speeds. A parameter without a value is 1,
         a product of inertia 0, with a warning.
     name : str, optional
-        Name of the model. Left out: ``system``.
+        Name of the model. Default: ``system``.
 
     Returns
     -------

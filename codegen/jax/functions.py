@@ -13,8 +13,8 @@ from ..operators import Operator, bound, checked_batch, operator, wrong_type
 def function(solver: Any, name: str) -> Callable[..., Any]:
     """Return a function of a solver as a pure function for JAX, with exact derivatives.
 
-    It runs the solver's compiled code within XLA, under `jax.jit`, `jax.vmap`, `jax.jvp`, `jax.vjp` and what is made
-    of them. Batches are computed several states at once, on XLA's threads.
+    It runs the solver's compiled code within XLA, under `jax.jit`, `jax.vmap`, `jax.jvp`, `jax.vjp` and combinations of
+    these. Batches are computed several states at once, on XLA's threads.
 
     Parameters
     ----------

@@ -354,7 +354,7 @@ def one_core(core: int | None = None) -> Iterator[None]:
     Parameters
     ----------
     core : int, optional
-        Number of the core. Left out: the last of those allowed.
+        Number of the core. Default: the last of those allowed.
 
     Yields
     ------

@@ -138,7 +138,7 @@ READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
 _PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
 _BASE: dict[Store, Store] = {}
-"""Stores by memory and store of values, and the stores of values to which they belong."""
+"""The store of values to which each store in `_MADE` belongs."""
 
 
 def _base(store: Store) -> Store:
@@ -200,7 +200,7 @@ def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -
 
 
 def mass_tangent_of(store: Store, name: str) -> Component | None:
-    """The same for ``M z`` at fixed z, in memory of its own."""
+    """The place of the tangent of ``M z`` at fixed z, in separate memory."""
     if _base(store) in (FORCE_BAR, ACCELERATION_GAP_BAR):
         return None
     return adjoint_tangent_of(store, name, MASS_LANE)
@@ -208,7 +208,7 @@ def mass_tangent_of(store: Store, name: str) -> Component | None:
 
 @dataclass(slots=True, eq=False)
 class Original:
-    """A block of values, before values of earlier blocks were loaded instead of computed.
+    """A block of values that computes all of them, including values that the printed block loads from earlier blocks.
 
     Attributes
     ----------
@@ -233,7 +233,7 @@ class Original:
         )
 
     def finished(self, block: Block) -> Original:
-        """The same with the stores of the finished block, and with values that an earlier block has stored."""
+        """This block with the stores of the finished block, and with values that an earlier block has stored."""
         self.block.stores = [*block.stores, *self.stored_before]
         return self
 
@@ -317,7 +317,7 @@ class SecondOrder:
             assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], _in(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
-        """Drop what is zero in transposes of tangents: adjoints that none of these blocks stores."""
+        """Drop zeros from transposes of tangents: adjoints that none of these blocks stores."""
         nonzero: set[Place] = set()
         known = -1
         transposes = [(s, k) for s in reversed(self.sweeps) for k in self._kinds(s) if back_name(s.name) in found]
@@ -482,7 +482,8 @@ def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, 
 
 
 def _primitives_of_loops(kind: EarKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
-    """The same for a block of an ear: the constants of its loops, and the design parameters on which these depend."""
+    """The transparent symbols of an ear's block: constants of its loops, and the design parameters on which these
+    depend."""
     transparent: Primitives = {}
     roots: dict[Symbol, Expr] = {}
     loads = list(x.block.loads.items())

@@ -304,7 +304,7 @@ class ModelBuilder:
         rpy : sequence of three, optional
             Roll, pitch and yaw of the joint frame, rad.
         mass : number or expression, optional
-            Mass, kg. Left out: 0, or from `shape`.
+            Mass, kg. Default: 0, or from `shape`.
         com : sequence of three, optional
             Centre of mass in the body, m.
         inertia : mapping of str to number or expression, optional
@@ -312,7 +312,7 @@ class ModelBuilder:
         shape : mapping, optional
             Shape with density or mass, instead of the three above.
         visuals : sequence of mappings, optional
-            Solids and meshes that views show. Left out: the shape.
+            Solids and meshes that views show. Default: the shape.
 
         Returns
         -------
@@ -614,9 +614,9 @@ class ModelBuilder:
         stiffness : number or expression
             Stiffness, N/m.
         damping : number or expression, optional
-            Damping, N s/m. Left out: 0.
+            Damping, N s/m. Default: 0.
         free_length : number or expression, optional
-            Length without force, m. Left out: 0.
+            Length without force, m. Default: 0.
 
         Examples
         --------

@@ -51,7 +51,7 @@ def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[st
     filename : str, optional
         Name of the text in messages.
     folder : str or path, optional
-        Folder of the files that the text includes or uses. Left out: the text must not name any.
+        Folder of the files that the text includes or uses. Default: the text must not name any.
 
     Returns
     -------

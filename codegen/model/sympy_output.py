@@ -32,7 +32,7 @@ def to_sympy(
     symbols : mapping or callable (str) -> sympy.Expr, optional
         Symbols of names such as ``L``, ``t``, ``q.arm``. A name that is left out is a real symbol of that name.
     number : callable, optional
-        Makes a number of sympy from an int or a float of the expression. Left out: doubles stay doubles.
+        Makes a number of sympy from an int or a float of the expression. Default: doubles stay doubles.
 
     Returns
     -------

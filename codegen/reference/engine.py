@@ -67,7 +67,7 @@ class Engine(Arguments):
         hold `decimal.Decimal` numbers of the caller's context, which take a fifth of the time. Floats count as exactly
         what they are.
     partition : Partition, optional
-        Choice of dependent speeds, for a model with loops. Left out: `codegen.loops` chooses.
+        Choice of dependent speeds, for a model with loops. Default: `codegen.loops` chooses.
 
     Attributes
     ----------

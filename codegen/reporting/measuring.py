@@ -67,7 +67,7 @@ def report(
     folder : path, optional
         The folder of the report. An earlier report in it is replaced; other files are refused.
     request : Request, optional
-        What to measure. Left out: everything, with a motion of 5 s.
+        What to measure. Default: everything, with a motion of 5 s.
     progress : callable, optional
         Called as ``progress(stage, done, of)``.
     force : bool, optional

@@ -27,7 +27,7 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     folder : path
         The folder that `generate` wrote.
     target : {"c", "numpy", "both"}, optional
-        The code that computes. Left out: the target that the package was generated for.
+        The code that computes. Default: the target that the package was generated for.
 
     Returns
     -------

@@ -71,7 +71,7 @@ class Algebra:
     most_products : int, optional
         Products of terms that are formed before `TooManyProductsError` is raised.
     intermediate : str, optional
-        Long sums become symbols, whose names are this prefix and a number. Left out: no sum becomes a symbol.
+        Long sums become symbols, whose names are this prefix and a number. Default: no sum becomes a symbol.
 
     Attributes
     ----------

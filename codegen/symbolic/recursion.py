@@ -192,7 +192,7 @@ def statements(
     model : Model
         The model.
     functions : collection of str, optional
-        Functions of the solver, such as ``["accelerations", "sensitivities"]``. Left out: all.
+        Functions of the solver, such as ``["accelerations", "sensitivities"]``. Default: all.
     reactions, frames : bool, optional
         Include the functions for reactions and frames, as in `codegen.generate`.
 

@@ -13,9 +13,8 @@ from ..operators import Operator, bound, checked_batch, operator, wrong_type
 def function(solver: Any, name: str) -> Callable[..., Any]:
     """Return a function of a solver as a differentiable operator of PyTorch.
 
-    It has exact gradients and second derivatives by autograd, `torch.func.grad`, `torch.func.vmap`, and stays one
-    operator under `torch.compile`. Batches go to the solver's compiled code as a whole. PyTorch has no forward mode
-    for such operators: use `torch.func.jacrev`.
+    It has exact first and second derivatives by autograd and `torch.func`, and stays one operator under
+    `torch.compile`. Batches go to the solver's compiled code as a whole.
 
     Parameters
     ----------

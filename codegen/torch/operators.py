@@ -1,7 +1,7 @@
 """Operators of ``torch.library`` for all solvers: values, products with Jacobian and transpose, and Hessian products.
 
-All take the six arguments q, u, p, inputs, t and a further one (udot or b), empty where the function takes none, and the
-key of an `Operator`. Leading axes broadcast. Gradients have the shapes of the arguments.
+Each operator takes seven arguments: q, u, p, inputs, t, one more array (udot or b; empty for functions without it), and
+the key of an `Operator`. Leading axes broadcast. Gradients have the shapes of the arguments.
 """
 
 from __future__ import annotations
@@ -338,7 +338,7 @@ value.register_autograd(_backward_compiled, setup_context=_keep_compiled)
 
 
 def plain(given: Sequence[Any]) -> bool:
-    """Whether no program records this call, so that it needs no operator, which takes 0.1 ms."""
+    """Whether no program records this call. The call then runs without an operator, which would take 0.1 ms."""
     of_program = torch.compiler.is_compiling() or torch._C._len_torch_dispatch_stack()
     return not of_program and all(x is None or type(x) in PLAIN for x in given[:-1])
 
@@ -353,7 +353,7 @@ def called(*given: Any) -> Any:
 
 
 def _differentiated(given: Sequence[Any]) -> bool:
-    """Whether a transformation or autograd may see a call; without one, 0.05 ms of autograd are saved."""
+    """Whether a transformation or autograd may see a call. If not, the call skips autograd and saves 0.05 ms."""
     if torch._C._are_functorch_transforms_active() or torch.autograd.forward_ad._current_level >= 0:
         return True
     return torch.is_grad_enabled() and any(x.requires_grad for x in given[:-1])

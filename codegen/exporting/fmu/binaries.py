@@ -111,7 +111,7 @@ def _compiler(of: str) -> list[str]:
         return find_compiler()
     if importlib.util.find_spec("ziglang") is None:
         raise NoCompilerError(
-            f"binaries for {of} need zig: pip install 'ordernm[fmi]'; or leave out platforms, for this machine's alone"
+            f"binaries for {of} need zig: pip install 'ordernm[fmi]'; or omit platforms, to build for this machine only"
         )
     return [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[of].zig, "-s"]
 

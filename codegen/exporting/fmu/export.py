@@ -92,12 +92,12 @@ def export_fmu(
     model : Model or path
         The model, or its file.
     file : path, optional
-        The file to write. Left out: ``exported/NAME.fmu``.
+        The file to write. Default: ``exported/NAME.fmu``.
     fmi : {"3.0", "2.0"}, optional
         Version of the standard.
     platforms : sequence of str, or str with commas, optional
         Platforms to compile for: ``x86_64-linux``, ``aarch64-linux``, ``x86_64-windows``, ``x86_64-darwin``,
-        ``aarch64-darwin``; ``"all"`` of them, or ``"none"``, for source code only. Left out: this machine.
+        ``aarch64-darwin``; ``"all"`` of them, or ``"none"``, for source code only. Default: this machine.
     method : {"dop853", "radau", "rk4"}, optional
         Integrator of Co-Simulation, as in `Solver.simulate`; "radau" serves stiff models, and "rk4" is not available.
     energies : bool, optional
@@ -202,7 +202,7 @@ def _described(contents: Contents, texts: Mapping[str, str], version: str) -> di
 
 
 def _refuse_file(path: Path, force: bool) -> None:
-    """Raises `FolderError` if a file is in the way that ordernm did not write."""
+    """Raises `FolderError` if the file exists and ordernm did not write it."""
     if path.is_dir():
         raise FolderError(f"{path} is a folder; give the name of a file with -o")
     if not path.exists() or force:
@@ -216,7 +216,7 @@ def _refuse_file(path: Path, force: bool) -> None:
 
 
 def _write(path: Path, files: Mapping[str, bytes]) -> None:
-    """Writes the archive as a whole: first to a file beside it."""
+    """Writes the archive to a temporary file beside it, which then replaces it."""
     beside = path.with_name(f".{path.name}-{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

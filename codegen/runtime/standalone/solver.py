@@ -53,8 +53,8 @@ class Solver(Package):
     folder : path
         The generated package.
     target : {"c", "numpy", "both"}, optional
-        The code that computes. Left out: the target that the package was generated for. With "both", loading compares the
-        two first; then the C computes. Without a C compiler the NumPy module computes, and a warning says so.
+        The code that computes. Default: the target that the package was generated for. With "both", loading compares
+        the two first; then the C computes. Without a C compiler the NumPy module computes, and a warning says so.
 
     Raises
     ------
@@ -118,7 +118,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -156,7 +156,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -199,9 +199,9 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         wrt : str or sequence of str, optional
-            What to differentiate by, such as ``"q, u"``. Left out: q, u, p, inputs and t.
+            What to differentiate by, such as ``"q, u"``. Default: q, u, p, inputs and t.
         out : Jacobians, optional
             Result of an earlier call, whose arrays are used again.
 
@@ -235,7 +235,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -264,7 +264,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -303,7 +303,7 @@ class Solver(Package):
         Parameters
         ----------
         p : array_like (..., np), optional
-            Parameters. Left out: the defaults.
+            Parameters. Default: the defaults.
 
         Returns
         -------
@@ -333,7 +333,7 @@ class Solver(Package):
         Parameters
         ----------
         p : array_like (..., np), optional
-            Parameters. Left out: the defaults.
+            Parameters. Default: the defaults.
         dp : array_like (k, ..., np)
             Seeds.
 
@@ -365,12 +365,12 @@ class Solver(Package):
         Parameters
         ----------
         q, u : array_like (..., nq), (..., nu), optional
-            The guess: independent entries are kept, dependent ones are changed. Left out: the model's initial state.
+            The guess: independent entries are kept, dependent ones are changed. Default: the model's initial state.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         follow : bool, optional
             Treat the states along the last batch axis as a path: each state is followed from the state before it, the
-            first from its guess. Left out: True along the axis of t where motion is prescribed and all times share one
+            first from its guess. Default: True along the axis of t where motion is prescribed and all times share one
             guess.
 
         Returns
@@ -419,7 +419,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             The guess: independent entries are kept, dependent ones are changed.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         follow : bool, optional
@@ -459,7 +459,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -491,7 +491,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -578,7 +578,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -609,9 +609,9 @@ class Solver(Package):
         Parameters
         ----------
         q : array_like (nq,), optional
-            The guess. Left out: the model's initial coordinates. Dependent ones follow from closure.
+            The guess. Default: the model's initial coordinates. Dependent ones follow from closure.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         sensitivities : str or sequence of str, optional
             Parameters, and inputs as ``inputs.motor``, by which q is differentiated.
         relax : bool, optional
@@ -661,13 +661,13 @@ class Solver(Package):
         Parameters
         ----------
         q : array_like (nq,), optional
-            Coordinates. Left out: the model's initial ones. Dependent ones follow from closure.
+            Coordinates. Default: the model's initial ones. Dependent ones follow from closure.
         u : array_like (nu,), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         outputs : str or sequence of str, optional
-            Outputs y in C and D. Left out: all, if the package has their derivatives.
+            Outputs y in C and D. Default: all, if the package has their derivatives.
 
         Returns
         -------
@@ -716,9 +716,9 @@ class Solver(Package):
         Parameters
         ----------
         q, u : array_like (nq,), (nu,), optional
-            The initial state. Dependent entries follow from closure. Left out: the model's initial state.
+            The initial state. Dependent entries follow from closure. Default: the model's initial state.
         p : array_like (np,), optional
-            Parameters. Left out: the defaults.
+            Parameters. Default: the defaults.
         inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
             Inputs over time, as in `simulate`. A function of time is called at each evaluation.
         t : float, optional
@@ -765,9 +765,9 @@ class Solver(Package):
         q, u : array_like (nq,), (nu,)
             One state. It is not assembled: `gap` reports how far loops are open.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, nq), (k, nu), ..., optional
-            Seeds of the derivatives. Left out: each independent coordinate and speed, parameter, input and t by itself.
+            Seeds of the derivatives. Default: each independent coordinate and speed, parameter, input and t by itself.
         derivatives : bool, optional
             Whether to estimate the errors of derivatives.
 
@@ -803,7 +803,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., nu)
             Weights of the entries of udot in each of k sums; (nu,) for one sum.
 
@@ -830,7 +830,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., nq)
             Weights of the entries of qdot in each of k sums; (nq,) for one sum.
 
@@ -857,7 +857,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., 2)
             Weights of kinetic and potential energy in each of k sums; (2,) for one sum.
 
@@ -886,7 +886,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (k, ..., noutputs)
             Weights of the outputs in each of k sums; (noutputs,) for one sum.
 
@@ -914,7 +914,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             The guess: independent entries are kept, dependent ones are changed.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights_q, weights_u : array_like (k, ..., nq), (k, ..., nu), optional
             Weights of the assembled coordinates and speeds in each of k sums.
 
@@ -953,7 +953,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
             Weights of the entries of udot.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
@@ -992,7 +992,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
             Weights of the entries of udot.
         wrt : str or iterable of str, optional
@@ -1035,7 +1035,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -1065,7 +1065,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1099,7 +1099,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1128,7 +1128,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1193,7 +1193,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., np), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1230,7 +1230,7 @@ class Solver(Package):
         q, u, udot : array_like (..., nq), (..., nu), (..., nu)
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1259,7 +1259,7 @@ class Solver(Package):
         q, u, udot : array_like (..., nq), (..., nu), (..., nu)
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1296,7 +1296,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1326,7 +1326,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1371,7 +1371,7 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1399,7 +1399,7 @@ class Solver(Package):
         q, b : array_like (..., nq), (..., nu)
             Coordinates, SI units and radians; generalised forces, N m or N.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1428,7 +1428,7 @@ class Solver(Package):
         q, b : array_like (..., nq), (..., nu)
             Coordinates, SI units and radians; generalised forces, N m or N.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, db, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1465,7 +1465,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         out : ndarray, optional
             Array for the result. It is returned.
 
@@ -1494,7 +1494,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
         out : tuple of two ndarray, optional
@@ -1530,7 +1530,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
 
         Returns
         -------
@@ -1565,7 +1565,7 @@ class Solver(Package):
         q, u : array_like (..., nq), (..., nu)
             Coordinates and speeds, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
             Seeds, at least one: k directions of change of the arguments. Those left out are zero.
 
@@ -1606,11 +1606,11 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
@@ -1640,11 +1640,11 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
@@ -1681,11 +1681,11 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Left out: all bodies, in the order of the
+            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
 
         Returns
@@ -1720,12 +1720,12 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
 
@@ -1759,12 +1759,12 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
@@ -1797,12 +1797,12 @@ class Solver(Package):
         q : array_like (..., nq)
             Coordinates, SI units and radians.
         u : array_like (..., nu), optional
-            Speeds. Left out: zeros.
+            Speeds. Default: zeros.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
             Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Left out: all points of the model.
+            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
 
         Returns
         -------
@@ -1840,7 +1840,7 @@ class Solver(Package):
         q : array_like (nq,)
             Coordinates, SI units and radians.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0. Sizes and places follow
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0. Sizes and places follow
             the parameters.
         path : path, optional
             File to write: ``.svg``, ``.png`` or ``.pdf``. The same state gives the same bytes.
@@ -1884,13 +1884,13 @@ class Solver(Package):
         Parameters
         ----------
         q, u : array_like (nq,), (nu,), optional
-            The state, SI units and radians. Left out: the initial state of the model.
+            The state, SI units and radians. Default: the initial state of the model.
         p, inputs, t : array_like (np,), (ninputs,), float, optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
         port : int, optional
-            Port of this machine. Left out: any that is free.
+            Port of this machine. Default: any that is free.
         arrows : str or sequence of str, optional
             Arrows that are shown at the beginning: "reactions" (if the package has them), "forces" and "torques" of force
             elements.
@@ -1939,10 +1939,10 @@ class Solver(Package):
             Increasing times of the results, s; the motion begins at the first. A number T means from 0 to T, with
             results at the integrator's steps.
         q, u : array_like (nq,), (nu,), optional
-            The initial state. Dependent speeds follow from closure; open loops are closed, with a warning. Left out:
+            The initial state. Dependent speeds follow from closure; open loops are closed, with a warning. Default:
             the model's initial state, whose dependence on parameters is part of the derivatives.
         p : array_like (np,), optional
-            Parameters. Left out: the defaults.
+            Parameters. Default: the defaults.
         inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
             Constants; ``(times, values)`` or ``(times, values, kind)`` with values (ntimes, nsignals); a function of
             time; or SciPy's `BSpline` or `PPoly`. A mapping gives any of these for each signal by name. See Notes.
@@ -1958,7 +1958,7 @@ class Solver(Package):
         atol : float or array_like (nq + nu,), optional
             Absolute tolerance of a step, for each independent coordinate and speed.
         atol_sensitivities : float or array_like (k,), optional
-            Absolute tolerance of the derivatives. Left out: steps are chosen for the state alone. The derivatives are
+            Absolute tolerance of the derivatives. Default: steps are chosen for the state alone. The derivatives are
             those of the computed motion to rounding in either case.
         method : {"dop853", "radau", "rk4"}, optional
             Dormand and Prince's method of order 8; Radau IIA of order 5, for stiff models; the classical Runge-Kutta

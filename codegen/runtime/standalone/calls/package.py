@@ -249,7 +249,7 @@ class Package:
         ----------
         *members : str
             Names of methods, such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large
-            batches of `accelerations` and `sensitivities`. Left out: everything.
+            batches of `accelerations` and `sensitivities`. Default: everything.
 
         Raises
         ------

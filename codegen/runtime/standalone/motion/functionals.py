@@ -108,7 +108,7 @@ class LeastSquares:
     samples : mapping of str to array_like (n,)
         Samples by the names of outputs. NaN where there is no sample.
     sigma : float, or mapping of str to float or array_like (n,)
-        Standard deviations of the samples. Left out: 1.
+        Standard deviations of the samples. Default: 1.
 
     Examples
     --------

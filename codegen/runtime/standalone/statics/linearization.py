@@ -199,10 +199,10 @@ class Linearization:
         Parameters
         ----------
         parameters : str or sequence of str, optional
-            Names of parameters, or of inputs as ``inputs.motor``. Left out: all parameters.
+            Names of parameters, or of inputs as ``inputs.motor``. Default: all parameters.
         moving : bool, optional
             Let the state move with the equilibrium when parameters change, instead of holding its independent
-            coordinates and speeds. Left out: True at an equilibrium.
+            coordinates and speeds. Default: True at an equilibrium.
 
         Returns
         -------
@@ -235,7 +235,7 @@ class Linearization:
         Parameters
         ----------
         parameters : str or sequence of str, optional
-            Names of parameters, or of inputs as ``inputs.motor``. Left out: all parameters.
+            Names of parameters, or of inputs as ``inputs.motor``. Default: all parameters.
         moving : bool, optional
             See `sensitivities`.
 

@@ -47,7 +47,7 @@ class Trajectory:
     q, u : array_like (nt, nq), (nt, nu)
         Coordinates and speeds, SI units and radians.
     dq, du : array_like (k, nt, nq), (k, nt, nu), optional
-        Their derivatives, directions first. Left out: k = 0.
+        Their derivatives, directions first. Default: k = 0.
     outputs, doutputs : array_like (nt, noutputs), (k, nt, noutputs), optional
         Outputs and their total derivatives. They may be left out only if there are no names of outputs.
     coordinate_names, speed_names, output_names, parameter_names, input_names : sequence of str
@@ -55,7 +55,7 @@ class Trajectory:
     sensitivity_names : sequence of str, optional
         Names of the k directions: a parameter, ``q.NAME`` or ``u.NAME`` for an initial value, or any other word.
     coordinate_units, speed_units, output_units, parameter_units : sequence of str, optional
-        A unit for each name, ``""`` if unknown. Left out: all unknown.
+        A unit for each name, ``""`` if unknown. Default: all unknown.
     p : array_like (np,), optional
         Design parameters of the motion.
     inputs : array_like (ninputs,), optional
@@ -597,11 +597,11 @@ class Trajectory:
         Parameters
         ----------
         what : str or sequence of str, optional
-            Names of series. Left out: the outputs, or the coordinates if there are no outputs.
+            Names of series. Default: the outputs, or the coordinates if there are no outputs.
         path : path, optional
             File to write: ``.svg``, ``.png`` or ``.pdf``. The same trajectory gives the same bytes.
         sensitivities : str or sequence of str, optional
-            Directions whose derivatives are drawn. Left out: all; ``()``: none.
+            Directions whose derivatives are drawn. Default: all; ``()``: none.
 
         Returns
         -------
@@ -699,7 +699,7 @@ class Trajectory:
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
         port : int, optional
-            Port of this machine. Left out: any that is free.
+            Port of this machine. Default: any that is free.
         arrows : str or sequence of str, optional
             See `Solver.view`.
 
