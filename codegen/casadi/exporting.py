@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import _ctypes
 import difflib
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,8 @@ def export_casadi(
     Raises
     ------
     BridgeError
-        A ValueError, if a function is unknown, or the model has no states.
+        A ValueError, if a function is unknown, the model has no states, or this process has opened an earlier library
+        of the folder.
     ModelError
         If the model has no solver.
     FolderError
@@ -117,16 +119,40 @@ def export_casadi(
         written.mkdir()
         files = write(package, manifest, found, written)
         texts = {f: (written / f).read_text(encoding="utf-8") for f in files}
+    library = f"{model.name}_casadi.so"
+    _refuse_opened(path, library, texts)
     shown = {casadi_name(n, model.name): _shown(f) for n, f in found.items()}
     context = {"name": model.name, "version": __version__, "functions": shown, "first": next(iter(shown))}
     texts["README.md"] = render("casadi/README.md.jinja", context)
-    library = f"{model.name}_casadi.so"
     listed = [*texts, "model.json", library]
     record = {"generator": "ordernm", "version": __version__, "export": "casadi", "name": model.name, "files": listed}
     write_folder(path, texts | {"model.json": json_text(record | {"functions": shown})}, keep)
     progress("compiling", 0, 0)
     os.replace(build(path, model.name), path / library)
     return ExportedCasadi(path, path / library, tuple(sorted(listed[:-1])), shown)
+
+
+def _refuse_opened(folder: Path, library: str, texts: Mapping[str, str]) -> None:
+    """Raise the error of a library that this process has opened: opened again, the same path would give the old functions.
+
+    Raises
+    ------
+    BridgeError
+    """
+    known = getattr(os, "RTLD_NOLOAD", None)
+    if known is None or not (folder / library).exists():
+        return
+    if all((folder / f).is_file() and (folder / f).read_text(encoding="utf-8") == text for f, text in texts.items()):
+        return
+    try:
+        opened = _ctypes.dlopen(str(folder / library), os.RTLD_LAZY | known)
+    except OSError:  # it is not open
+        return
+    _ctypes.dlclose(opened)
+    raise BridgeError(
+        f"this process has opened {folder / library}, and would go on using its old functions; delete all functions of "
+        "the library, export into another folder, or start a new process"
+    )
 
 
 def _chosen(model: Model, functions: Sequence[str] | str | None) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..runtime.standalone.calls.numpy_target import NumpyTarget
 from ..runtime.standalone.files.build import Build, short_key
-from ..runtime.standalone.files.manifest import check_files
+from ..runtime.standalone.files.manifest import check_files, refuse_another
 from ..runtime.standalone.files.user_cache import make_private, user_cache
 from ..runtime.standalone.files.whole_file import write_whole
 from .bridged import Bridged, bridged
@@ -55,7 +55,15 @@ def build(folder: Path, name: str) -> Path:
 
 
 def library(folder: Path, manifest: Mapping[str, Any], functions: Mapping[str, Bridged]) -> Path:
-    """The compiled library of a package, in the user's cache or, if that is not safe, in a temporary folder."""
+    """The compiled library of a package, in the user's cache or, if that is not safe, in a temporary folder.
+
+    Raises
+    ------
+    PackageError
+        If the package was generated again since it was opened.
+    """
+    refuse_another(folder, str(manifest.get("seal", "")))
+    check_files(folder, manifest, (".c", ".h"))
     key = short_key(str(manifest.get("seal", manifest["hash"])), manifest["name"], text(manifest, functions.values()))
     try:
         place = make_private(user_cache() / "casadi" / f"{manifest['name']}-{key}")

@@ -11,6 +11,7 @@ import codegen
 import codegen.casadi
 from codegen import cli
 from codegen.casadi.bridged import BridgeError
+from codegen.runtime import PackageError
 
 casadi = pytest.importorskip("casadi", reason="CasADi is not installed: pip install -e '.[casadi]'")
 
@@ -322,3 +323,38 @@ def test_a_model_without_states_is_refused(tmp_path):
     )
     with pytest.raises(BridgeError, match="driven: the model has no degree of freedom"):
         codegen.casadi.export_casadi(model, tmp_path / "f")
+
+
+LONGER = CART_POLE.replace("com: [0, 0, -length]", "com: [0, 0, -2 * length]")
+
+
+def test_a_package_that_was_generated_again_is_refused(tmp_path):
+    functions = "accelerations,sensitivities,energies,energy_sensitivities"
+    codegen.generate(codegen.parse_model(CART_POLE), tmp_path / "s", compile=False, functions=functions)
+    solver = codegen.load(tmp_path / "s", target="numpy")
+    at = ([0.1, 0.4], [0.2, 0.3], solver.parameters, 1.0)
+    f = codegen.casadi.function(solver, "accelerations")
+    codegen.generate(codegen.parse_model(LONGER), tmp_path / "s", compile=False, functions=functions)
+    for name in ("accelerations", "energies"):
+        with pytest.raises(PackageError, match="was generated again, or removed, after this solver was opened"):
+            codegen.casadi.function(solver, name)
+    again = codegen.load(tmp_path / "s", target="numpy")
+    assert error(f(*at), solver.accelerations(*at[:3], [1.0])) <= BOUND  # it keeps its own library
+    assert error(codegen.casadi.function(again, "accelerations")(*at), again.accelerations(*at[:3], [1.0])) <= BOUND
+
+
+def test_a_library_that_is_open_is_not_replaced(tmp_path):
+    """The system would open the old library by the same path again."""
+
+    def exported(model: str):
+        made = codegen.casadi.export_casadi(codegen.parse_model(model), tmp_path / "f", functions="energies")
+        return casadi.external("energies_cart_pole", str(made.library))
+
+    at = ([0.1, 0.4], [0.2, 0.3], [1.0, 0.3, 0.5, 9.81])
+    f = exported(CART_POLE)
+    before = f(*at)
+    with pytest.raises(BridgeError, match=r"this process has opened .* would go on using its old functions"):
+        exported(LONGER)
+    assert error(f(*at), before) == 0.0 and error(exported(CART_POLE)(*at), before) == 0.0
+    del f
+    assert error(exported(LONGER)(*at), before) > 0.1
