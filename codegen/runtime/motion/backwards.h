@@ -17,7 +17,7 @@ struct ordernm_adjoint {
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
     scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with closed loops */
     scalar *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
-    void *of_stages;                  /* of an implicit method, for its equations */
+    void *of_stages;                  /* memory of an implicit method for its equations */
     int has_next;                     /* a later step exists */
     scalar next_t, *next, *next_modes;/* time, state and modes at the start of the later step */
     scalar *p, *inputs;               /* gradients: [ngroups][np][width], [ngroups][count][ninputs][width] */

@@ -84,7 +84,8 @@ static const scalar FINE = 2e-3;
 static const scalar FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
 
 /* The first interval between two of n successive times, from number `from` on, in which a loop may lose rank. The changes of the inverse
- * condition numbers decide, which are smooth functions of time except for their sign. Returns the number of intervals if there is none. */
+ * condition numbers show this, because these numbers are smooth functions of time except for their sign. Returns the number of intervals if
+ * there is none. */
 static int suspicious(const ordernm_motion *m, int n, const scalar *t, const scalar *const *rank, int from)
 {
     const int nloops = m->system->nloops;
@@ -240,7 +241,7 @@ scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
         if (method->complete(m, h)) return 0.0;
         m->complete = 1;
     }
-    /* Nothing computed here is part of the motion. */
+    /* Trial states below do not belong to the motion: its limits and condition numbers are restored afterwards. */
     const scalar poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
     scalar found = 0.0;
     m->poor = m->poor_rates = INFINITY;

@@ -71,7 +71,7 @@ int ordernm_worst_entry(const ordernm_motion *m)
     return worst;
 }
 
-/* Two quadratures of the interpolant's rates, by places in a step and factors at its start, at these places and at its end. */
+/* Two quadratures of the interpolant's rates: places within a step, and factors at its start, at these places and at its end. */
 enum { PLACES = 3 };
 typedef struct {
     int count;
@@ -98,9 +98,9 @@ static scalar difference(ordernm_motion *m, scalar h, const quadrature *of, int 
     return largest;
 }
 
-/* The classical method has no error estimate. In models with loops, rates may change fast near poses of lost rank; in models with steep
- * functions, anywhere. There, steps that may be too long are compared with a quadrature of order 4 on the interpolant. The results
- * contain the sum of the differences, relative to the state. */
+/* The classical method has no error estimate. Rates may change fast near poses of lost rank, and anywhere in models with steep functions.
+ * Steps that may be too long are therefore compared with a quadrature of order 4 on the interpolant. The results contain the sum of the
+ * differences, relative to the state. */
 void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;

@@ -16,7 +16,7 @@ static const scalar SAME_PLACE = 1e-7; /* relative to the step */
 /* Largest extremum, relative to the range of the switching function in the step, that counts as touching zero. */
 static const scalar TOUCHING = 1e-12;
 
-/* Positions after an event without rates at which the step may end, relative to the step. */
+/* If rates at an event are undefined, the step ends at one of these positions after the event, relative to the step. */
 enum { PLACES_BEHIND = 3 };
 static const scalar JUST_BEHIND[PLACES_BEHIND] = {1e-13, 1e-12, 1e-11};
 

@@ -14,12 +14,12 @@ static const scalar ALLOWED = 10.0;
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
 static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
 
-/* Rates jump, and derivatives have no value, where a shorter step has at least HALF the error, and the error of the state relative to
- * the state is below SMALLEST, or the step relative to the motion below SHORTEST. */
+/* Rates count as jumping, and derivatives as undefined, if a shorter step has at least HALF the error and one of two conditions holds: the
+ * error of the state is below SMALLEST relative to the state, or the step is below SHORTEST relative to the motion. */
 static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
-/* Condition number of loops, and its multiple of the smallest one so far, above both of which a loop comes near a loss of rank, and rounding
- * errors dominate. */
+/* Two limits of a loop's condition number: an absolute one, and one relative to the smallest number so far. Above both, the loop is near a
+ * loss of rank, and rounding errors dominate. */
 static const scalar POOR = 30.0, WORSE = 6.0;
 
 /* Starts to compute these derivatives, which are the last ones of a state. */

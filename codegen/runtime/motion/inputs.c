@@ -26,7 +26,7 @@ int ordernm_reach_knot(ordernm_motion *m)
     return p->at_knot && p->at_knot(p->context, m, m->t) ? REFUSED : 0;
 }
 
-/* The piece of the spline that contains a step; count after the last knot, degree - 1 before the first. */
+/* The index of the spline's piece that contains a step: `count` after the last knot, degree - 1 before the first knot. */
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
 {
     const ordernm_inputs *in = &m->problem->inputs;

@@ -220,9 +220,9 @@ struct ordernm_motion {
     scalar *halves[HALVES + 1]; /* [values] rates at the bisection times, and the smallest jumps */
     int suspects;             /* number of steps in which rates may jump without a known switch */
     int jumps_at_end;         /* a jump of rates without a known switch is suspected at the end of this step */
-    scalar turning;           /* largest step in which no half-turn angle leaves its mode by too much; 0 for any */
+    scalar turning;           /* largest step in which no half-turn angle leaves its mode by too much; 0: no limit */
     int switched;             /* modes have changed between the previous step and this one */
-    long head;                /* numbers of a row of steps before the state */
+    long head;                /* how many numbers precede the state in a row of steps */
 };
 
 static inline void ordernm_note_precise(ordernm_motion *m, int stage)

@@ -49,7 +49,7 @@ static void note(ordernm_motion *m, int why, int which)
     r->lost_why[2*r->lost_count++ + 1] = which;
 }
 
-/* Loses directions whose derivatives are not finite in a state or in rates. */
+/* Marks directions as lost whose derivatives are not finite in a state or in rates. */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 {
     int some = 0;
@@ -66,7 +66,7 @@ void ordernm_lose_infinite(ordernm_motion *m, const scalar *z)
 
 /* ---- Rest at switches. ---- */
 
-/* Finds the switches whose functions are zero at both ends of the step. Returns the number of these switches. */
+/* Finds the switches whose functions are zero at both ends of the step. Returns their number. */
 static int resting(ordernm_motion *m, scalar end)
 {
     int count = 0;
@@ -183,7 +183,7 @@ static scalar *rates_within(ordernm_motion *m, scalar h, scalar x, scalar *rates
     return m->nd && m->results->condition_here > m->poor ? 0 : rates; /* a loop loses rank there */
 }
 
-/* Whether a rate jumps between two places, and which one, by bisection of intervals with a change above the smallest jump. */
+/* Bisects intervals with a change above the smallest jump. Returns whether a rate jumps between two places, and which rate. */
 static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, const scalar *low, const scalar *high, int halved, int *which)
 {
     const scalar *const least = m->halves[HALVES], middle = 0.5*(from + to);
@@ -196,8 +196,8 @@ static int jumps_between(ordernm_motion *m, scalar h, scalar from, scalar to, co
                     || jumps_between(m, h, middle, to, here, high, halved + 1, which));
 }
 
-/* Whether a rate jumps within the step, and which one. Each rate is compared with its own changes, since other rates may change far more.
- * Times before and after the largest change between stages are also searched, because stages are not exactly on the motion. */
+/* Returns whether a rate jumps within the step, and which rate. Each rate is compared with its own changes, since other rates may change
+ * far more. Times before and after the largest change between stages are also searched, because stages are not exactly on the motion. */
 static int jumps(ordernm_motion *m, scalar h, int *which)
 {
     const scalar part = m->adaptive ? PART_OF_STEP : PART_OF_CONSTANT_STEP;
@@ -232,7 +232,7 @@ static int is_moved(const ordernm_motion *m, int n, int lane)
     return moved;
 }
 
-/* Loses all directions after a jump of rates without a switch, because the derivative of the jump's time is not known. */
+/* Marks all directions as lost after a jump of rates without a switch, because the derivative of the jump's time is unknown. */
 static void look_for_jump(ordernm_motion *m, scalar h)
 {
     int which = 0, some = !m->ngroups && !m->results->lost_count;
@@ -243,7 +243,7 @@ static void look_for_jump(ordernm_motion *m, scalar h)
     if (some) note(m, ORDERNM_JUMPS, which);
 }
 
-/* Looks for singular points in the step, and loses directions along which no derivative exists after such a point. Without directions,
+/* Looks for singular points in the step. Marks directions as lost along which no derivative exists after such a point. Without directions,
  * records the first such point. */
 static void look_at_points(ordernm_motion *m, const trial *step)
 {
@@ -288,7 +288,7 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     if (some) note(m, ORDERNM_PASSES, k);
 }
 
-/* Loses directions that have no derivative after this step. */
+/* Marks directions as lost that have no derivative after this step. */
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step)
 {
     const scalar condition = m->results->condition_here;

@@ -138,9 +138,9 @@ typedef struct {
     const ordernm_scalar *times; /* increasing times of results, from start to end; ntimes 0: at every step */
     ordernm_scalar step;      /* step size of ORDERNM_RK4; for other methods the first step size, 0 to choose it */
     int fixed;                /* other methods also use the size `step` throughout, whatever their errors */
-    ordernm_scalar largest_step; /* 0 for any */
-    long most_steps;          /* 0 for any */
-    ordernm_scalar poor;      /* condition number of loops above which the motion stops with ORDERNM_POOR between steps; 0 for any */
+    ordernm_scalar largest_step; /* 0: no limit */
+    long most_steps;          /* 0: no limit */
+    ordernm_scalar poor;      /* condition number of loops above which the motion stops with ORDERNM_POOR between steps; 0: no limit */
     ordernm_scalar looked_at; /* until the condition number was below `poor`, the limit is three times looked_at */
     ordernm_scalar rtol;
     const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; followed by the nq coordinates if nothing is independent */

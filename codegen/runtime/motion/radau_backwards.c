@@ -29,7 +29,7 @@ static const scalar FOUND = 1e-13;
 /* For each kind of factors: slowest decrease of changes per round; and change at which rounding may prevent a further decrease. */
 static const scalar SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
 
-/* The relative change of the solution, the largest of all lanes, for coordinates and for speeds. For `loose`, quantities that are
+/* The relative change of the solution, the largest of all lanes, for coordinates and for speeds. With `loose`, quantities that are
  * negligible within the step need less accuracy. NaN if changes are not finite. */
 static scalar relative(const ordernm_adjoint *a, scalar h, scalar *const *change, scalar *const *mu, scalar *loose)
 {

@@ -18,7 +18,7 @@ static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 /* Smallest convergence rate of sweeps that is assumed from previous ones: small entries may converge more slowly. */
 static const scalar LEAST_SLOWNESS = 1e-2;
 
-/* The largest change of a group's directions relative to their size, for coordinates and for speeds. For `loose`, entries that are
+/* The largest change of a group's directions relative to their size, for coordinates and for speeds. With `loose`, entries that are
  * negligible within the step need less accuracy. NaN if changes are not finite. */
 static scalar change_of(const ordernm_motion *m, const group *g, scalar h, scalar *loose)
 {
@@ -129,9 +129,9 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed, scalar
     return DIVERGED;
 }
 
-/* Solves for the derivatives at the stages along a group, by sweeps or with the Jacobians at the stages. `formed`: whether another
- * group has formed these Jacobians in this step. The way for the direction of the motion itself does not depend on other directions, so
- * that steps do not, either. */
+/* Solves for the derivatives at the stages along a group, by sweeps or with the Jacobians at the stages. `formed`: whether another group
+ * has formed these Jacobians in this step. For the direction of the motion itself, the choice does not depend on other directions. So steps
+ * do not depend on them, either. */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;

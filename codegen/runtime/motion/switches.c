@@ -134,8 +134,8 @@ static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scala
     return status;
 }
 
-/* A switch without a mode, whose function leaves zero where another switch changes its mode, as max(0, x) > 0 does with x > 0. It takes
- * the mode of the sign that the function takes. Returns the status of a function. */
+/* For a switch without a mode whose function leaves zero where another switch changes its mode, as max(0, x) > 0 does with x > 0. The mode
+ * becomes the sign of the function after this change. Returns the status of a function. */
 static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar speed;
@@ -217,7 +217,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
         const int k = m->held[i];
-        if ((status = ordernm_switching(m, t, z))) return status; /* with the modes so far: if one is a jump, later functions jump too */
+        if ((status = ordernm_switching(m, t, z))) return status; /* later functions may jump with an earlier switch */
         const scalar g = m->switches[k];
         if (m->system->switch_kind[k] > ORDERNM_ROOT) {
             m->modes[k] = mode_of(m, k);
