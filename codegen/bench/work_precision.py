@@ -182,7 +182,7 @@ def best(points: Sequence[Point], error: float, by: str = "evaluations") -> Poin
     error : float
         Largest error.
     by : {"evaluations", "seconds"}, optional
-        What is to be least.
+        The quantity to minimise.
 
     Returns
     -------

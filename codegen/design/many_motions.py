@@ -213,7 +213,8 @@ def _check(options: Mapping[str, Any], threads: Any, progress: Any) -> None:
 def _in_threads(
     run: Callable[[int], None], n: int, threads: int, progress: Callable[[int, int], None], stop: threading.Event
 ) -> None:
-    """Run numbers 0 to n - 1. Errors, and Ctrl-C as normal end, set `stop` and leave out the numbers that have not begun."""
+    """Run motions 0 to n - 1. Errors set `stop`, and so does Ctrl-C, as a normal end; motions that have not begun are
+    then skipped."""
     left: set[Future[None]] = set()
     with ThreadPoolExecutor(threads) as pool:
         try:

@@ -33,8 +33,8 @@ class RowWriter(SweepWriter):
     ) -> tuple[Function, list[str]]:
         """A function for blocks that differ only by table rows, and the statements that call it for all rows.
 
-        `place` gets a function that returns the expression of an integer column; `about` describes what it computes. Its tables
-        have the name of the function, or of an earlier function with the same tables.
+        `place` gets a function that returns the expression of an integer column; `about` describes what it computes.
+        The function's tables are named after it, or after an earlier function with the same tables.
         """
         single = len(integers) == 1
         numbered = any(store is NUMBER for store, _ in block.loads.values())

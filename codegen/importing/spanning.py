@@ -22,7 +22,7 @@ def spanning_tree(links: Sequence[str], edges: Sequence[Edge]) -> list[tuple[str
 
     Each entry is a name, and whether the joint is reversed, so that its child carries its parent. Joints are taken from
     parent to child. Loose joints are taken only if no other joint continues the tree, and reversed joints last. Links
-    that no joint reaches are attached to the ground; links that are nobody's child come first.
+    that no joint reaches are attached to the ground, first those that are nobody's child.
     """
     children = {edge.child for edge in edges}
     waiting = [*(link for link in links if link not in children), *(link for link in links if link in children)]

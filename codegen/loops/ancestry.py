@@ -70,8 +70,7 @@ class Ancestry:
         return found
 
     def passing(self, starts: Sequence[int], ends: Sequence[int]) -> Callable[[int], Array]:
-        """A function that returns each cycle that contains a joint: cycles with exactly one end outboard of the
-        joint."""
+        """A function that returns all cycles that contain a joint: those with exactly one end outboard of the joint."""
         first = np.array(self._first)
         places = [first[np.array(x, dtype=int)] for x in (starts, ends)]
         orders = [np.argsort(x, kind="stable") for x in places]

@@ -40,7 +40,8 @@ Order = list[tuple[int, ...]]
 
 
 def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
-    """Loops in the order of first trial: next the loop with the fewest new degrees of freedom, of several the innermost.
+    """Loops in the order of first trial. The next loop is the one with the fewest new degrees of freedom; of several
+    such loops, the innermost.
 
     So a loop next to a closed one precedes one that is far from it. Hinted coordinates count as known.
     """

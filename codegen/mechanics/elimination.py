@@ -208,7 +208,7 @@ def substitute(
 
     `right` is ``r / D`` or the store that contains it; `geared`: there is a rotor; `of` is the prefix of equation tags.
     """
-    # without a rotor s . G = 1: the leading component of a then enters only through a - s a_lead
+    # without a rotor s . G = 1, so G . a depends on the leading component of a only through a - s a_lead
     G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
     value = x.load(right, kept.right_side(j)) if isinstance(right, Store) else right
     for i, gain in enumerate(G):

@@ -42,7 +42,8 @@ Accesses = tuple[_Access, ...]
 def assign_first(system: System, memory: Memory, runs: Sequence[Run], own: Store, outside: set[str]) -> None:
     """Replace first contributions by assignments in all blocks, or in none.
 
-    A component that is read, and that not every link gets first from the same blocks, begins with zero in the first sweep.
+    A component that is read begins with zero in the first sweep, unless every link gets its first contribution from the
+    same blocks.
 
     Parameters
     ----------
@@ -123,8 +124,8 @@ class _Order:
         return self._links[access]
 
     def first(self, given: Accesses, read: Accesses, of_ground: bool) -> set[_Access] | None:
-        """The contributions that come first wherever they are made; None if some come first for some links only, or if a
-        link is read that gets none."""
+        """The contributions that come first wherever they are made; None if some come first for some links only, or if
+        a link without contributions is read."""
         earliest: dict[int, tuple[int, int, int]] = {}
         for g, access in enumerate(given):
             sign = -1 if self.runs[access.at][0].direction == INWARD else 1

@@ -47,7 +47,7 @@ class Swept:
     groups : str
         For sweeps over all columns of a matrix at once: the columns on which a link works.
     then : str
-        Another sweep: for each link, its function is called right after that of this sweep.
+        Another sweep, whose function for a link is called right after the function of this sweep.
     kinds : sequence of Kind
         Kinds that may have a block.
     order : sequence of Kind
@@ -112,7 +112,7 @@ class Plan:
     links : list of str
         Names of links.
     called : mapping of Kind to (str, str)
-        What its members are called, in the plural, and the name of the first.
+        By kind: a plural name of its members, and the name of the first member.
     constants, shapes : list
         In the order of their indices.
     owners : list of (str, Constants)

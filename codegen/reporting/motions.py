@@ -90,10 +90,10 @@ def motions(
     Returns
     -------
     dict
-        ``end``; ``choices`` of independent coordinates; ``ended``, the reason for a shorter motion than requested; names of the
-        ``sensitivities``; ``reference_error`` and ``reference_error_sensitivities``; ``methods``: lists of points with
-        ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds``, and ``core`` and ``cache``
-        beside them; ``conditions``, see `conditions`.
+        ``end``; ``choices`` of independent coordinates; ``ended``, the reason for a shorter motion than requested;
+        names of the ``sensitivities``; ``reference_error`` and ``reference_error_sensitivities``; ``methods``: lists of
+        points with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds``, and the
+        times ``core`` and ``cache`` of the fixed work; ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
     probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)

@@ -73,8 +73,8 @@ def casadi(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contes
 
 
 def casadi_rates(n: int) -> tuple[Any, Any, Any]:
-    """States q, u and their derivatives with respect to L; L; the time derivatives of the states: CasADi's SX, with a
-    hand-written algorithm."""
+    """CasADi's SX by a hand-written algorithm: states q, u with their derivatives by L, then L, then the states' time
+    derivatives."""
     import casadi
 
     q, u, sq, su = (casadi.SX.sym(name, n) for name in ("q", "u", "sq", "su"))

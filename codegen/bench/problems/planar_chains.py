@@ -32,7 +32,8 @@ bodies:
       first: {{parent: ground, joint: {{at: [0, 0, 0]}}}}
 """
 DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
-"""A straight chain that turns as one body has no derivative with respect to its speeds."""
+"""Directions of differentiation. A straight chain turns as one body, so derivatives with respect to its speeds are left
+out."""
 ALL_TO, SOME = 100, 20
 """Largest chain in which each joint gives two directions, its angle and its speed; number of such joints in longer
 chains."""

@@ -24,8 +24,9 @@ FOUR = "four"
 """Name of the library with functions for four directions, which integration uses: ``NAME_four.c``."""
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
-"""Functions of the first library over one and two directions. Many users never call them, and they would take a third of gcc's
-time. The first library calls these functions once a solver has opened this library."""
+"""Functions of the first library over one and two directions. They have a library of their own, because many users
+never call them and they would take a third of gcc's time. Once a solver has opened that library, the first library
+calls them."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",

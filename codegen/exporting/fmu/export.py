@@ -188,7 +188,7 @@ def _initial(model: Model, manifest: Mapping[str, Any]) -> dict[str, list[float]
 
 
 def _described(contents: Contents, texts: Mapping[str, str], version: str) -> dict[str, str]:
-    """All files of an FMU that are texts, by their places."""
+    """All text files of an FMU, by their paths."""
     write = description_3 if version == "3.0" else description_2
     digest = hashlib.sha256(write(contents).encode())
     for name in sorted(texts):

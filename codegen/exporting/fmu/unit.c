@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Results wait for no clock: a step of Co-Simulation runs to its end. */
+/* Time limit of a run of the integrator, s; 0 for none, so that a step of Co-Simulation runs to its end. */
 static const scalar AT_ANY_TIME = 0.0;
 enum { LONGEST_TEXT = 1024, MOST_STEPS_OF_A_STEP = 1000000 };
 
@@ -152,7 +152,7 @@ void unit_reset(unit *x)
 
 /* ---- Variables. ---- */
 
-/* The kind of a variable, and its index in this kind. */
+/* Returns the kind of a variable, and stores its index among the variables of this kind. */
 int unit_of(const unit *x, unsigned variable, int *index)
 {
     const int sizes[] = {1, x->nq, x->nu, x->nfq + x->nfu, x->np, x->ni, x->ny, x->model->nindicators};
@@ -376,7 +376,8 @@ static int why_it_ended(unit *x, int reason)
     return unit_say(x, UNIT_ERROR, "the motion ends at t = %.9g s: %s", r->t, text);
 }
 
-/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials, others are constant. */
+/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials, other inputs are constant.
+ * */
 int unit_step(unit *x, scalar t, scalar h)
 {
     if (!(h > 0.0) || !isfinite(h)) return unit_say(x, UNIT_ERROR, "the communication step size is %g s, expected a positive number", h);

@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Longest way of independent coordinates and prescribed inputs, in rad or m, and of parameters, relative, over which Newton's method
- * follows a mechanism at once; the same of dependent coordinates; and the largest number of such steps. */
+/* Limits of a step in which Newton's method follows a mechanism: the largest change of independent coordinates and prescribed inputs, in
+ * rad or m, and of parameters, relative; the largest change of dependent coordinates; and the largest number of steps. */
 static const scalar AT_ONCE = 0.1, FAR = 0.5;
 enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
 
@@ -70,7 +70,7 @@ static int number_of_steps(const unit *x)
     const ordernm_system *const s = x->system;
     const int first = 1 + x->nfq + x->np;
     scalar longest = 0.0;
-    if (x->model->moved && *x->mode <= INITIALIZING && x->way[0] != x->known[0]) return MOST_STEPS; /* a start later than at 0 */
+    if (x->model->moved && *x->mode <= INITIALIZING && x->way[0] != x->known[0]) return MOST_STEPS; /* the motion starts later than at t = 0 */
     for (int i = 0; i < s->nmoving; ++i) longest = fmax(longest, fabs(x->way[first + s->moving[i]] - x->known[first + s->moving[i]]));
     for (int i = 1; i < first; ++i) {
         const scalar scale = i <= x->nfq ? 1.0 : fabs(x->known[i]) + AT_ONCE;
@@ -137,7 +137,7 @@ int unit_update(unit *x)
     ordernm_call c;
     int status = take_initial(x);
     if (status) return unit_failed(x, status);
-    if (*x->closed != 0.0) unit_arguments(x, &c); /* closing them again would change the last bits */
+    if (*x->closed != 0.0) unit_arguments(x, &c); /* closing the loops again would change the last bits */
     else if ((status = close_loops(x, &c))) return unit_failed(x, status);
     *x->closed = 1.0;
     memcpy(x->known, x->way, (1 + x->nfq + x->np + x->ni)*sizeof(scalar));

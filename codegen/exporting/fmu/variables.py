@@ -49,7 +49,7 @@ class Variable:
 
     @property
     def initial(self) -> str | None:
-        """The word for the start value: None where the standard allows none."""
+        """The attribute ``initial`` of the standard; None where it is not allowed."""
         if self.kind == "time":
             return None
         return "calculated" if self.start is None else "approx" if self.free else "exact"

@@ -187,7 +187,7 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """The unit of each column, in the order of the factor; with it, displacements and rows are multiples of the
+    """The unit of each column, in the order of the factor. In these units, displacements and rows are multiples of the
     length."""
     found = []
     for column in f.order:

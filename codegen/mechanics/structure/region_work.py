@@ -153,8 +153,8 @@ def sources_of_links(freedoms: Freedoms, bundles: Sequence[Bundle]) -> dict[int,
     """For each link on the cycles, the number of independent speeds on the cycles that move it."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.members}
     on_ways: dict[int, frozenset[Freedom]] = {}
-    """For each link that no dependent joint moves: the independent speeds on the path inward to a link that one
-    moves."""
+    """For each link that no dependent joint moves: the independent speeds on the path inward to a link that a dependent
+    joint moves."""
     mover: dict[int, int | None] = {}
     for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):
         parent = freedoms.links[i].parent

@@ -196,8 +196,8 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* ---- Rates. ---- */
 
-/* Time derivatives of z, and of its derivatives along some groups; leaves all coordinates, with closed loops, in m->q. Loops that are
- * known to be closed use the predictions. Returns 0, the status of a function, or -1 if loops do not close. */
+/* Time derivatives of z, and of its derivatives along some groups; leaves all coordinates, with closed loops, in m->q. Loops that are known
+ * to be closed keep the predicted coordinates. Returns 0, the status of a function, or -1 if loops do not close. */
 int ordernm_rates_of(ordernm_motion *m, scalar t, const scalar *z, scalar *rate, int ngroups, const group *groups, int what)
 {
     const ordernm_system *s = m->system;
