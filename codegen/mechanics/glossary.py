@@ -29,7 +29,7 @@ WORDS = {
     "that link.",
     "far link": "A root outside the region other than the base. Its motion relative to the base gives six sources.",
     "partner": "A link that is coupled to a unit when the unit is eliminated.",
-    "coupling": "A 6x6 block of inertia between two links. In a model file: a linear relation between coordinates, such as a gear.",
+    "coupling": "A 6x6 block of inertia between two links. In a model file: a linear relation of coordinates, such as a gear.",
     "pivot": "The inertia along a degree of freedom or a source; its elimination divides by the pivot.",
     "dependent": "Determined by the loops (a coordinate, a speed); all others are independent.",
     "record": "Memory of a link, an ear or a region for one call.",

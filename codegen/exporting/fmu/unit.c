@@ -376,8 +376,8 @@ static int why_it_ended(unit *x, int reason)
     return unit_say(x, UNIT_ERROR, "the motion ends at t = %.9g s: %s", r->t, text);
 }
 
-/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials, other inputs are constant.
- * */
+/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials; other inputs are
+ * constant. */
 int unit_step(unit *x, scalar t, scalar h)
 {
     if (!(h > 0.0) || !isfinite(h)) return unit_say(x, UNIT_ERROR, "the communication step size is %g s, expected a positive number", h);

@@ -70,7 +70,7 @@ static int number_of_steps(const unit *x)
     const ordernm_system *const s = x->system;
     const int first = 1 + x->nfq + x->np;
     scalar longest = 0.0;
-    if (x->model->moved && *x->mode <= INITIALIZING && x->way[0] != x->known[0]) return MOST_STEPS; /* the motion starts later than at t = 0 */
+    if (x->model->moved && *x->mode <= INITIALIZING && x->way[0] != x->known[0]) return MOST_STEPS; /* a start later than at t = 0 */
     for (int i = 0; i < s->nmoving; ++i) longest = fmax(longest, fabs(x->way[first + s->moving[i]] - x->known[first + s->moving[i]]));
     for (int i = 1; i < first; ++i) {
         const scalar scale = i <= x->nfq ? 1.0 : fabs(x->known[i]) + AT_ONCE;
