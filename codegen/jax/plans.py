@@ -191,7 +191,7 @@ def attributes(
     ffi, _ = handler()
     lanes = in_lanes and count >= LEAST
     if lanes and not plan.states:
-        opened = target.batches._opened()
+        opened = target.batches.opened(f)
         if opened:
             symbol = target.batches._symbol(f)
             target.ffi.cdef(f"int {symbol}(states *);", override=True)

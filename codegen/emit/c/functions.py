@@ -205,25 +205,37 @@ class Lines:
     # -- a function of the header ----------------------------------------------------------------------------------
 
     def function(self) -> list[str]:
+        before, after = self.body()
+        copied = self.opened or any("open_" in line for line in before)
+        return [*self.head(copied, self.opened), *before, *after, *self.end()]
+
+    def body(self) -> tuple[list[str], list[str]]:
+        """The lines of all steps: before the first step over directions, and from there on."""
         p = self.procedure
         assert p is not None
-        body: list[str] = []
+        before: list[str] = []
+        after: list[str] = []
         for step in p.steps:
             if over_directions(step) and not self.opened:
-                body += self.open()
-            body += self.of(step)
+                after += self.open()
+            (after if self.opened else before).extend(self.of(step))
         if p.steps and isinstance(p.steps[-1], steps.Check):
-            body.pop()
-        body += self.end()
+            (after if self.opened else before).pop()
+        return before, after
+
+    def head(self, copied: bool, along: bool) -> list[str]:
+        """Lines that declare the structs of a call, over directions if `along`, and give the call its memory."""
+        p = self.procedure
+        assert p is not None
         values = {**self.bound(p.arguments), **self.bound_results(False)}
         if p.modes is not None:
             values[p.modes.name] = p.modes.name
-        head = self.begun(values, self.opened or any("open_" in line for line in body))
-        if self.opened:
+        head = self.begun(values, copied)
+        if along:
             head.append("DIRECTIONS(call) d;")
         if any(isinstance(s, steps.Single) and s.steps for s in p.steps):
             head.append("call_1 one;")
-        return [*head, *self.functions.laid_out(p), *body]
+        return [*head, *self.functions.laid_out(p)]
 
     def begun(self, values: dict[str, str], copied: bool) -> list[str]:
         """Lines that declare the struct of a call with the values of its members; if `copied`, the struct over

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from ...program.procedure import ANGLES, WIDTHS, Columns, Primitives, Procedure, within
+from ...program.procedure import ANGLES, Columns, Primitives, Procedure, within
 from ...program.store import MODES
 from ..function import Function, in_lines
 from ..runs import widest_first
@@ -20,7 +20,7 @@ from .functions import CFunctions
 from .legend import about_names, legend
 from .libraries import LIBRARIES, number_of
 from .prepared import CPrepared
-from .states import over_states, states_context
+from .states import over_states, states_context, widths_of_states
 from .types import ENERGIES, NUMBER_TYPE, TYPES, UNUSED_WORK, cast
 from .vectors import words
 
@@ -58,6 +58,7 @@ class CWriter(CPrepared):
             "sine_files": self.sines(),
             "inclusions": self.inclusions(used, apart, states),
             "ends": ["#endif"] if apart or states else [],
+            "of_one_state": " && !defined(ORDERNM_STATES)" if states else "",
             "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
             "after_one_state": ["#endif"] if states else [],
             "sweep_files": [
@@ -155,7 +156,7 @@ class CWriter(CPrepared):
         if states:
             lines += [
                 "#if defined(ORDERNM_STATES)",
-                *inclusions(name, [max(WIDTHS)] if any(f.seeds for f in states) else []),
+                *inclusions(name, [*(of := widths_of_states(states))], {w: guard for w, guard in of.items() if guard}),
             ]
         if apart:
             lines += [f"#{'el' if lines else ''}if defined(ORDERNM_APART)", *inclusions(name, apart)]

@@ -85,6 +85,11 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_begin_anew)
 
 
+def library_of_states(number: int) -> str:
+    """Name of the library with functions for several states at once of the library of this number."""
+    return "states" if number < 2 else f"states {number}"
+
+
 class Batches:
     """Calls the functions over a batch of a compiled package.
 
@@ -102,12 +107,18 @@ class Batches:
         self._model: str = manifest["name"]
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._functions, self._operations = manifest["functions"], manifest["operations"]
+        over = self._over_states.get("functions", ())
+        self._numbers = {
+            f: x["number"] for x in manifest.get("libraries", {}).values() for f in x["functions"] if f in over
+        }
+        """The library of each function for several states at once."""
         self.quaternions = tuple(manifest["quaternions"])
         self._costs: dict[str, tuple[int, int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._libraries: dict[str, Any] = {}
         self._errors: dict[str, Exception] = {}
-        self._seen = 0
+        self._seen: dict[int, int] = {}
+        """Number of states of batches so far, times directions, by library."""
         self._work: list[Array] = []
         """Workspaces for several states at once that are free at present."""
         self._lock = threading.RLock()
@@ -158,8 +169,9 @@ class Batches:
         compiled."""
         if not self._in_lanes(f) or count < EVEN:
             return False
-        self._seen += count * (1 + k)
-        return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
+        number = self._numbers.get(f.name, 0)
+        seen = self._seen[number] = self._seen.get(number, 0) + count * (1 + k)
+        return (seen >= WORTH_COMPILING or library_of_states(number) in self._libraries) and self.opened(f) is not False
 
     def together(self, f: Function) -> tuple[Callable[[int, int], tuple[int, int, int] | None], Sequence[str], int]:
         """How ``direct_call.c`` computes a large batch of a function: a function that returns the number of threads and addresses
@@ -199,13 +211,18 @@ class Batches:
     def prepare(self) -> None:
         """Compiles the functions for several states at once and the function that distributes states over threads."""
         threads = self._target.threads or processors()
-        if self._over_states and self._opened() is not False and threads > 1:
+        opened = [self._opened(number) is not False for number in sorted({*self._numbers.values()})]
+        if any(opened) and threads > 1:
             self._shared()
 
-    def _opened(self) -> Any:
-        """The library of ``NAME_states.c``; False if it is not available."""
+    def opened(self, f: Function) -> Any:
+        """The library of ``NAME_states.c`` with a function; False if it is not available."""
+        return self._opened(self._numbers.get(f.name, 0))
+
+    def _opened(self, number: int) -> Any:
         declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
-        return self._apart("states", declared, "the states of a batch are computed one after another")
+        instead = "the states of a batch are computed one after another"
+        return self._apart("states", declared, instead, number=number)
 
     def _shared(self) -> Any:
         """The C function that distributes states over threads; False if it is not available."""
@@ -216,20 +233,21 @@ class Batches:
         library = self._apart("threads", declared, instead, self._ffi.RTLD_NODELETE)
         return library and getattr(library, symbol)
 
-    def _apart(self, part: str, declared: str, instead: str, flags: int = 0) -> Any:
+    def _apart(self, part: str, declared: str, instead: str, flags: int = 0, number: int = 0) -> Any:
         """The library of ``NAME_<part>.c``; False if it is not available. In this case a warning, once, names the
         slower code that is used."""
+        key, ffi = library_of_states(number) if part == "states" else part, self._ffi
         with self._lock:
-            if part not in self._libraries:
+            if key not in self._libraries:
                 try:
-                    path, ffi = build_apart(self._folder, self._model, part, self._sealed).library(), self._ffi
+                    path = build_apart(self._folder, self._model, part, self._sealed, number).library()
                     ffi.cdef(declared, override=True)
-                    self._libraries[part] = ffi.dlopen(str(path), ffi.RTLD_NOW | flags)
+                    self._libraries[key] = ffi.dlopen(str(path), ffi.RTLD_NOW | flags)
                 except (CompileError, NoCompilerError, OSError) as error:
-                    self._libraries[part], self._errors[part] = False, error
-            if instead and part in self._errors:
-                warn(f"{self._model}: {instead}: {self._errors.pop(part)}")
-            return self._libraries[part]
+                    self._libraries[key], self._errors[key] = False, error
+            if instead and key in self._errors:
+                warn(f"{self._model}: {instead}: {self._errors.pop(key)}")
+            return self._libraries[key]
 
     def states(
         self,
@@ -255,7 +273,7 @@ class Batches:
         with self._lock:
             if symbol not in self._several:
                 ffi.cdef(f"int {symbol}(states *);", override=True)
-                self._several[symbol] = getattr(self._opened(), symbol)
+                self._several[symbol] = getattr(self.opened(f), symbol)
             call = self._several[symbol]
         arrays = dict(given)
         for r, name, shape in zip(results, f.results, f.shapes, strict=True):

@@ -83,12 +83,15 @@ static int lay_all(const Call *c, PyObject *given, PyObject *seeds, PyObject *ar
     }
     for (long i = 0; i < c->nresults; ++i) {
         const result *const r = c->results + i;
-        if (r->place < 0 || r->array < 0) return 0;
+        if (r->array < 0) return 0;
+        if (r->place < 0) continue; /* not returned, and not written */
         void *const to = PyArray_DATA((PyArrayObject *)PyTuple_GET_ITEM(arrays, r->place));
         b->arrays[r->array] = (strided){to, r->size, states*r->size, 1};
     }
-    for (long i = 0; i < c->nreturned; ++i)
-        if (c->returns[i].zeros) return 0;
+    for (long i = 0; i < c->nreturned; ++i) {
+        PyArrayObject *const to = (PyArrayObject *)PyTuple_GET_ITEM(arrays, i);
+        if (c->returns[i].zeros) memset(PyArray_DATA(to), 0, PyArray_NBYTES(to));
+    }
     b->count = states;
     b->directions = k;
     return 1;

@@ -216,13 +216,18 @@ def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
                 waiting.append(found)
 
 
-def build_apart(folder: Path, name: str, part: str, sealed: str = "") -> Build:
-    """The build of ``NAME_<part>.c``; "states", "four" and "precise" include ``NAME.c``, "threads" does not."""
+def build_apart(folder: Path, name: str, part: str, sealed: str = "", number: int = 0) -> Build:
+    """The build of ``NAME_<part>.c``; "states", "four" and "precise" include ``NAME.c``, "threads" does not.
+
+    `number`: the library of ``NAME.c`` whose functions are compiled; 0 for all.
+    """
     build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], sealed=sealed)
     if part in FLAGS and CFLAGS not in os.environ:
         build.flags = list(FLAGS[part])
     if part == "threads":
         build.flags.append("-pthread")
+    if number:
+        build.flags.append(f"-DORDERNM_LIBRARY={number}")
     return build
 
 
