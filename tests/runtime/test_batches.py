@@ -34,7 +34,7 @@ forces:
 initial: {q: {cart: 1.0, bob: 1.0}}
 """
 
-FUNCTIONS = ["accelerations", "sensitivities", "energies"]
+FUNCTIONS = ["accelerations", "sensitivities", "gradients", "energies"]
 
 
 class WithoutProducts(np.ndarray):
@@ -120,13 +120,16 @@ def test_several_states_at_once_give_the_bits_of_one(package, at_once, n):
     state, seeds = draw(solver, model, n)
     udot = solver.accelerations(*state)
     both = solver.sensitivities(*state, **seeds)
-    assert solver._target.batches._libraries["states"]
+    weights = np.random.default_rng(n).normal(size=(3, n, model.nu))
+    gradients = solver.gradients(*state, weights=weights)
+    assert all(solver._target.batches._libraries[key] for key in ("states", "states 7"))
     one = load(folder)
     singles = [[x[i] if np.ndim(x) > 1 else float(x[i]) for x in state] for i in range(n)]
     np.testing.assert_array_equal(udot, [one.accelerations(*s) for s in singles])
     for i, s in enumerate(singles):
         found = one.sensitivities(*s, **{name: x[:, i] for name, x in seeds.items()})
         same((both[0][i], both[1][:, i]), found)
+        same([x[:, i] for x in gradients], one.gradients(*s, weights=weights[:, i]))
 
 
 @pytest.mark.parametrize("k", [1, 8, 11])
@@ -136,13 +139,15 @@ def test_directions_and_what_states_share(package, at_once, monkeypatch, k):
     (q, u, p, _, _), _ = draw(solver, model, 21)
     rng = np.random.default_rng(k)
     given = {"dp": rng.normal(size=(k, solver.np)), "dq": rng.normal(size=(k, 21, solver.nq))}
-    found = solver.sensitivities(q, u, p[0], t=0.5, **given)
-    only = solver.sensitivities(q[0], u, p[0], dp=given["dp"])
+    weights = rng.normal(size=(k, 21, solver.nu))
+    found = *solver.sensitivities(q, u, p[0], t=0.5, **given), *solver.gradients(q, u, p[0], t=0.5, weights=weights)
+    only = *solver.sensitivities(q[0], u, p[0], dp=given["dp"]), *solver.gradients(q[0], u, weights=weights[:, 0])
     grid = solver.accelerations(q[:, None], u[None, :4])
     monkeypatch.setattr(batches, "WORTH_COMPILING", np.inf)
     other = load(folder)
-    same(found, other.sensitivities(q, u, p[0], t=0.5, **given))
-    same(only, other.sensitivities(q[0], u, p[0], dp=given["dp"]))
+    same(found, (*other.sensitivities(q, u, p[0], t=0.5, **given), *other.gradients(q, u, p[0], t=0.5, weights=weights)))
+    alone = *other.sensitivities(q[0], u, p[0], dp=given["dp"]), *other.gradients(q[0], u, weights=weights[:, 0])
+    same(only, alone)
     same([grid], [other.accelerations(q[:, None], u[None, :4])])
     assert "states" not in other._target.batches._libraries
 
@@ -171,6 +176,8 @@ def test_a_bad_state_is_an_error_or_nan(package, monkeypatch, worth, target):
     solver = load(folder, target=target)
     (q, u, p, inputs, t), seeds = draw(solver, model, 12)
     good = solver.sensitivities(q, u, p, inputs, t, **seeds)
+    weights = np.ones((2, 12, 2))
+    gradients = solver.gradients(q, u, p, inputs, t, weights=weights)
     q[3], u[7, 1], p[9, 0] = 0.0, np.nan, np.inf
     with pytest.raises(ValueError, match=r"u\[7, 1\] \(bob\) is nan"):
         solver.accelerations(q, u, p, inputs, t)
@@ -186,6 +193,11 @@ def test_a_bad_state_is_an_error_or_nan(package, monkeypatch, worth, target):
     bad, left = [3, 7, 9], [i for i in range(12) if i not in (3, 7, 9)]
     assert np.isnan(found[0][bad]).all() and np.isnan(found[1][:, bad]).all()
     same((found[0][left], found[1][:, left]), (good[0][left], good[1][:, left]))
+    with pytest.warns(RuntimeWarning, match="3 of 12 states are NaN"):
+        found = solver.gradients(q, u, p, inputs, t, weights=weights)
+    for x, y in zip(found, gradients, strict=True):
+        assert np.isnan(x[:, bad]).all()
+        np.testing.assert_array_equal(x[:, left], y[:, left])
     with pytest.warns(RuntimeWarning, match="3 of 12 states"):
         udot = solver.accelerations(
             q.reshape(3, 4, 2), u.reshape(3, 4, 2), p.reshape(3, 4, 2), inputs.reshape(3, 4, 1), 0.0

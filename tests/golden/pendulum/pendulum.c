@@ -34,7 +34,7 @@ typedef int status;
 #ifndef ORDERNM_UNIT
 #define ORDERNM_UNIT 0
 #endif
-#if ORDERNM_LIBRARY == 1 && defined(__GNUC__) && !defined(__clang__)
+#if ORDERNM_LIBRARY == 1 && defined(__GNUC__) && !defined(__clang__) && !defined(ORDERNM_STATES)
 /* Users wait while this library compiles. These passes take a quarter of that time and do not speed up long sums of products. */
 #pragma GCC optimize ("no-schedule-insns2", "no-tree-pta", "no-tree-pre", "no-code-hoisting", "no-tree-vrp", "no-dse", "no-gcse", \
     "no-tree-vectorize")
@@ -415,7 +415,14 @@ static int forward(call *a)
 
 #if defined(ORDERNM_STATES)
 #define WIDTH 8
+#if ORDERNM_HAS(1, 1)
 #include "pendulum_directions.h"
+#endif
+#undef WIDTH
+#define WIDTH 1
+#if ORDERNM_HAS(7, 1)
+#include "pendulum_directions.h"
+#endif
 #else
 #define WIDTH 1
 #include "pendulum_directions.h"

@@ -81,7 +81,7 @@ int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b);
 
 /* The functions for several states at once, in vectors; compile pendulum_states.c with pendulum.c. Entry i of an array, along
  * direction k, of state s is at[s*state + k*direction + i*entry]. An argument with a step of 0 is the same for all states or
- * directions. A seed whose pointer is null is zero. */
+ * directions. A seed whose pointer is null is zero. A result whose pointer is null is not written. */
 typedef struct {
     const double *at;
     long state, direction, entry;
@@ -98,14 +98,15 @@ typedef struct {
     long count, directions, failed;
     int code, infinite, *codes;
     pendulum_seen
-        q, u, p, dq, du, dp;
+        q, u, p;
     pendulum_filled
-        udot, dudot;
+        udot, dudot, dq, du, dp;
     double *work; /* PENDULUM_STATES_WORKSPACE doubles */
 } pendulum_states;
 
 int pendulum_accelerations_states(pendulum_states *b);
 int pendulum_sensitivities_states(pendulum_states *b);
+int pendulum_sensitivities_transposed_states(pendulum_states *b);
 
 /* Runs one of these functions on count threads, including the caller's; work must hold one workspace for each. Compile
  * pendulum_threads.c too, with -pthread. If several callers run at the same time, only one uses the threads. */

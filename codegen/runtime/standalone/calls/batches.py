@@ -220,7 +220,9 @@ class Batches:
         return self._opened(self._numbers.get(f.name, 0))
 
     def _opened(self, number: int) -> Any:
-        declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
+        declared = ""
+        if not any(key.startswith("states") for key in self._libraries):  # twice, the types would differ
+            declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
         instead = "the states of a batch are computed one after another"
         return self._apart("states", declared, instead, number=number)
 

@@ -249,7 +249,7 @@ class Package:
         ----------
         *members : str
             Names of methods, such as ``"accelerations"``, ``"jacobians"``, ``"simulate"``; ``"batches"`` for large
-            batches of `accelerations` and `sensitivities`. Default: everything.
+            batches of `accelerations`, `sensitivities` and `gradients`. Default: everything.
 
         Raises
         ------
