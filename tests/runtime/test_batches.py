@@ -145,7 +145,9 @@ def test_directions_and_what_states_share(package, at_once, monkeypatch, k):
     grid = solver.accelerations(q[:, None], u[None, :4])
     monkeypatch.setattr(batches, "WORTH_COMPILING", np.inf)
     other = load(folder)
-    same(found, (*other.sensitivities(q, u, p[0], t=0.5, **given), *other.gradients(q, u, p[0], t=0.5, weights=weights)))
+    same(
+        found, (*other.sensitivities(q, u, p[0], t=0.5, **given), *other.gradients(q, u, p[0], t=0.5, weights=weights))
+    )
     alone = *other.sensitivities(q[0], u, p[0], dp=given["dp"]), *other.gradients(q[0], u, weights=weights[:, 0])
     same(only, alone)
     same([grid], [other.accelerations(q[:, None], u[None, :4])])
