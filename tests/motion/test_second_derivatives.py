@@ -263,3 +263,155 @@ def test_prescribed_motion(tmp_path: Path) -> None:
         ]
         differences = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h * x[i])
         assert (np.abs(found[:, i] - differences).max(axis=1) < 1e-7 * scale).all()
+
+
+def same_as_differences(judge: Any, x: np.ndarray, apart: np.ndarray, tolerance: float) -> np.ndarray:
+    """Checks Hessians against differences of gradients of order six, and their symmetry; returns them."""
+    found, plain = judge(x, hessian=True), judge(x, method="adjoint")
+    hessians = found.hessian_products
+    scale = np.abs(hessians).max(axis=(1, 2))
+    assert (scale > 0.0).all()
+    of_gradient = np.abs(plain.gradients).max(axis=1, keepdims=True)
+    assert (np.abs(found.gradients - plain.gradients) < 1e-12 * of_gradient).all()
+    assert (np.abs(hessians - hessians.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-12 * scale).all()
+    for i, h in enumerate(apart):
+        step = h * np.eye(len(x))[i]
+        sides = [
+            judge(x + n * step, method="adjoint").gradients - judge(x - n * step, method="adjoint").gradients
+            for n in (1, 2, 3)
+        ]
+        differences = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h)
+        assert (np.abs(hessians[:, i] - differences).max(axis=1) < tolerance * scale).all(), i
+    return hessians
+
+
+@pytest.fixture(scope="module")
+def four_bar(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
+    folder = tmp_path_factory.mktemp("four_bar") / "package"
+    codegen.generate(EXAMPLES / "four_bar.yaml", folder, functions=FUNCTIONS)
+    return codegen.load(folder)
+
+
+LOOP = ("crank_length", "coupler_length", "rocker_length", "base", "q0.crank", "u0.crank", "inputs.motor[1]")
+
+
+def judged_loop(solver: codegen.Solver, x: np.ndarray, wanted: Any, seconds: float, **more: Any) -> Any:
+    """A motion of the four-bar linkage from crank angle x[4], with speed x[5] and the input 0, x[6], 0."""
+    p = dict(zip(LOOP[:4], x[:4], strict=True))
+    q, u = solver.assemble([x[4], -0.3, -2.3], [x[5], 0.0, 0.0], p)
+    inputs = ([0.0, 0.1, 0.5], [0.0, x[6], 0.0], "linear")
+    return solver.judge(seconds, wanted, q, u, p, inputs, wrt=LOOP, **more)
+
+
+AT_LOOP = np.array([0.5, 1.2, 0.9, 1.0, 0.8, 2.0, 3.0])
+
+
+@pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")
+def test_loops(four_bar: codegen.Solver) -> None:
+    names = ("trace_x", "swing", "kinetic")
+    samples = LeastSquares([0.0, 0.13, 0.4], {"swing": [0.1, 0.2, 0.3], "trace_z": [0.1, np.nan, 0.2]}, sigma=0.1)
+    wanted = [*map(Final, names), *map(Integral, names), At("swing", 0.19), samples]
+    assert four_bar.judge(0.4, wanted, wrt=LOOP[:4], hessian=True, **FIXED).hessian_products.shape == (8, 4, 4)
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        return judged_loop(four_bar, x, wanted, 0.4, integrator="rk4", step=0.01, **more)
+
+    same_as_differences(judge, AT_LOOP, np.full(7, 1e-4), 1e-9)
+
+
+def test_loops_with_steps_of_their_own(four_bar: codegen.Solver) -> None:
+    """Steps change with the variables, so that differences need small tolerances."""
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        return judged_loop(four_bar, x, [Final("trace_x"), Integral("kinetic")], 0.4, rtol=1e-12, atol=1e-12, **more)
+
+    same_as_differences(judge, AT_LOOP, np.full(7, 2e-3), 1e-7)
+
+
+@pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")
+def test_loops_equal_differences_of_gradients_in_40_digits(four_bar: codegen.Solver) -> None:
+    """The classical method with closed loops at every stage, and the first variables' rows."""
+    exact, mp = four_bar.in_precision(DIGITS), __import__("mpmath").mp.clone()
+    mp.dps = DIGITS
+    number = np.frompyfunc(mp.mpf, 1, 1)
+    rows, steps, h, torque = (0, 3, 4, 5), 2, mp.mpf(1) / 20, number([0.5])
+
+    def gradients(x: Any) -> Any:
+        p = number(four_bar.parameters)
+        of = [four_bar.parameter_names.index(n) for n in LOOP[:4]]
+        p[of] = x[:4]
+        dp = number(np.zeros((6, len(p))))
+        dp[range(4), of] = number(1)
+
+        def closed(z: Any) -> Any:
+            (q, u), unknown = z[:2], number([0.0, 0.0])
+            return exact.assemble([q, *number([-0.3, -2.3])], [u, *unknown], p)
+
+        def seeds(z: Any) -> Any:
+            zeros = number(np.zeros((6, 2)))
+            return {"dq": np.column_stack([z[2:8], zeros]), "du": np.column_stack([z[8:], zeros]), "dp": dp}
+
+        def rate(z: Any) -> Any:
+            udot, dudot = exact.sensitivities(*closed(z), p, torque, mp.mpf(0), **seeds(z))
+            return np.array([z[1], udot[0], *z[8:], *dudot[:, 0]])
+
+        z = np.array([*x[4:6], *number(np.eye(6)[4]), *number(np.eye(6)[5])])
+        for _ in range(steps):
+            k = [rate(z)]
+            for part in (h / 2, h / 2, h):
+                k.append(rate(z + part * k[-1]))
+            z = z + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
+        return exact.output_sensitivities(*closed(z), p, torque, mp.mpf(0), **seeds(z))[1].T
+
+    x = number(AT_LOOP[:6])
+    q, u = four_bar.assemble([0.8, -0.3, -2.3], [2.0, 0.0, 0.0], dict(zip(LOOP[:4], AT_LOOP[:4], strict=True)))
+    found = four_bar.judge(
+        0.1, [Final(n) for n in four_bar.output_names], q, u, dict(zip(LOOP[:4], AT_LOOP[:4], strict=True)), [0.5],
+        wrt=LOOP[:6], hessian=True, integrator="rk4", step=0.05,
+    ).hessian_products  # fmt: skip
+    for i in rows:
+        moved = number(np.eye(6)[i]) * mp.mpf(APART)
+        wanted = ((gradients(x + moved) - gradients(x - moved)) / (2 * mp.mpf(APART))).astype(float)
+        scale = np.abs(found).max(axis=(1, 2))
+        assert (np.abs(found[:, i] - wanted).max(axis=1) < 1e-12 * scale).all(), i
+
+
+@pytest.mark.parametrize("method", [{"integrator": "rk4", "step": 0.003}, {"rtol": 1e-12, "atol": 1e-12}])
+def test_independents_that_change_on_the_way(tmp_path: Path, method: Any) -> None:
+    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent."""
+    text = (EXAMPLES / "slider_crank.yaml").read_text()
+    for old, new in {
+        "independent: [wheel]": "independent: [piston]", "u: {wheel: 20.0}": "u: {piston: -2.0}",
+        "max(q.piston - 0.5, 0)": "(q.piston - 0.5)",
+    }.items():  # fmt: skip
+        text = text.replace(old, new)
+    (tmp_path / "crank.yaml").write_text(text)
+    codegen.generate(tmp_path / "crank.yaml", tmp_path / "package", functions=FUNCTIONS, partitions=2)
+    solver = codegen.load(tmp_path / "package")
+    samples = LeastSquares([0.1, 0.333], {"stroke": [0.5, 0.5], "kinetic": [0.1, 0.2]})
+    wanted = [Final("stroke"), At("speed", 0.11), Integral("kinetic"), At("stroke", 0.333), samples]
+    wrt = ("crank_length", "rod_length", "offset", "q0.piston", "u0.piston", "inputs.load")
+    q0, u0 = solver.initial_state()
+    place = solver.coordinate_names.index("piston")
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        p, q, u = dict(zip(wrt[:3], x[:3], strict=True)), q0.copy(), u0.copy()
+        q[place], u[place] = x[3:5]
+        q, u = solver.assemble(q, u, p)
+        found = solver.judge(0.4, wanted, q, u, p, [x[5]], wrt=wrt, **method, **more)
+        assert found.counts["partitions_changed"] == 1
+        return found
+
+    x = np.array([0.15, 0.5, 0.02, q0[place], u0[place], 0.5])
+    fixed = "step" in method
+    same_as_differences(judge, x, np.full(6, 2e-6 if fixed else 1e-4), 1e-8 if fixed else 1e-6)
+
+
+def test_joints_of_which_loops_determine_a_part_are_refused(tmp_path: Path) -> None:
+    text = (EXAMPLES / "hooke_ladder.yaml").read_text()
+    text = text.replace("independent: [rung_0]", "independent: [rung_0.1, rail_1.1]")
+    (tmp_path / "ladder.yaml").write_text(text)
+    codegen.generate(tmp_path / "ladder.yaml", tmp_path / "package", functions="motion")
+    solver = codegen.load(tmp_path / "package")
+    with pytest.raises(ValueError, match="hessian: a joint of hooke_ladder has both independent and dependent speeds"):
+        solver.judge(0.1, Final(solver.output_names[0]), wrt=solver.parameter_names[:1], hessian=True)

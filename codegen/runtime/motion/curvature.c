@@ -21,6 +21,7 @@ struct ordernm_curvature {
     long next, left;                  /* numbers of times passed forwards, and still to process backwards */
     scalar *lambda, *kappa[MOST_STAGES], *nu;
     scalar *dq, *du, *dp, *dinputs, *dt, *no_dt; /* results of transposes and Hessian products in lanes; zeros for time */
+    scalar *weights, *b;              /* weights of udot, for transposes in lanes and for Hessian products */
 };
 
 static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
@@ -33,9 +34,9 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     c->lambda = ordernm_numbers(&of, size);
     c->nu = ordernm_numbers(&of, size);
     for (int i = 0; i < MOST_STAGES; ++i) c->kappa[i] = ordernm_numbers(&of, size);
-    scalar **const lanes[] = {&c->dq, &c->du, &c->dp, &c->dinputs, &c->dt, &c->no_dt};
-    const long entries[] = {s->nq, s->nu, s->np, s->ninputs, 1, 1};
-    for (int i = 0; i < 6; ++i) *lanes[i] = ordernm_numbers(&of, entries[i]*LANES);
+    scalar **const lanes[] = {&c->dq, &c->du, &c->dp, &c->dinputs, &c->dt, &c->no_dt, &c->weights, &c->b};
+    const long entries[] = {s->nq, s->nu, s->np, s->ninputs, 1, 1, s->nu, s->nu};
+    for (int i = 0; i < 8; ++i) *lanes[i] = ordernm_numbers(&of, entries[i]*LANES);
     return of.used;
 }
 
@@ -61,14 +62,19 @@ ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordern
     c->found = found;
     c->motion = ordernm_begin(&c->problem, (scalar *)((char *)c + used));
     c->motion->results = &c->none;
-    c->n = problem->system->nq + problem->system->nu;
+    c->n = problem->system->nfree_q + problem->system->nfree_u;
     c->all = c->motion->method->all;
     return c;
 }
 
 int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
 
-/* ---- Rows of Python's layout: the values, then the derivatives along each direction. ---- */
+/* ---- Rows of Python's layout: the values, then the derivatives along each direction; in records, all coordinates follow. ---- */
+
+long ordernm_hessians_record(const ordernm_curvature *c)
+{
+    return (1L + c->problem.ndirections)*c->n + (c->motion->identity ? 0 : c->problem.system->nq);
+}
 
 static void unpack(const ordernm_curvature *c, const scalar *z, scalar *to)
 {
@@ -88,12 +94,29 @@ static void pack(const ordernm_curvature *c, const scalar *from, scalar *z)
             for (int i = 0; i < c->n; ++i) z[g->at + (long)i*g->width + l] = from[(1 + g->first + l)*c->n + i];
 }
 
+/* A record of a state whose loops have just been closed. */
+static void keep(const ordernm_curvature *c, const scalar *z, scalar *to)
+{
+    const ordernm_motion *const m = c->motion;
+    unpack(c, z, to);
+    if (!m->identity) memcpy(to + (1L + c->problem.ndirections)*c->n, m->q, m->system->nq*sizeof(scalar));
+}
+
+static int close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *to)
+{
+    ordernm_call call;
+    ordernm_arguments(c->motion, t, z, &call);
+    const int status = ordernm_close_loops(c->motion, &call);
+    if (!status) keep(c, z, to);
+    return status;
+}
+
 /* ---- Forwards. ---- */
 
 static const int every[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 /* The states at the times of outputs within a step, from the rates of its stages. */
-static void states_within(ordernm_curvature *c, scalar h, scalar until)
+static int states_within(ordernm_curvature *c, scalar h, scalar until)
 {
     ordernm_motion *const m = c->motion;
     ordernm_hessians *const found = c->found;
@@ -101,8 +124,10 @@ static void states_within(ordernm_curvature *c, scalar h, scalar until)
     for (; c->next < found->ntimes && found->times[c->next] <= until; ++c->next) {
         m->method->weights((found->times[c->next] - m->t)/h, factor);
         ordernm_combine(m->size, m->trial, m->z, h, c->all, every, factor, m->rate);
-        unpack(c, m->trial, found->states + c->next*(1L + c->problem.ndirections)*c->n);
+        const int status = close_and_keep(c, found->times[c->next], m->trial, found->states + c->next*ordernm_hessians_record(c));
+        if (status) return status;
     }
+    return 0;
 }
 
 int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scalar until, scalar *stages, scalar *nodes)
@@ -110,15 +135,17 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
     ordernm_motion *const m = c->motion;
     const scheme *const method = m->method;
     const row *const end = method->rows + method->stages;
-    const long size = ordernm_step_size(m->problem), record = (1L + c->problem.ndirections)*c->n;
+    const long size = ordernm_step_size(m->problem), record = ordernm_hessians_record(c);
+    int status;
     for (long k = 0; k < count; ++k, steps += size, stages += c->all*record, nodes += 2*c->all) {
         const scalar h = steps[1], to = k + 1 < count ? steps[size] : until;
         m->t = steps[0];
-        memcpy(m->z, steps + m->head, (m->ny + m->nx)*sizeof(scalar));
+        memcpy(m->z, steps + m->head, (m->ny + m->nx + m->nd)*sizeof(scalar));
         if (!(h > 0.0)) continue;
         ordernm_find_segment(m, m->t, h);
+        if (!m->identity) ordernm_take_derivatives(m, steps[4]);
         if (c->next < c->found->ntimes && c->found->times[c->next] <= m->t) { /* only at the motion's start */
-            unpack(c, m->z, c->found->states + c->next*record);
+            if ((status = close_and_keep(c, m->t, m->z, c->found->states + c->next*record))) return status;
             ++c->next;
         }
         const int within = c->next < c->found->ntimes && c->found->times[c->next] <= to;
@@ -126,18 +153,19 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
             const row *const r = method->rows + i;
             if (i) ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
             const scalar *const z = i ? m->trial : m->z;
-            const int status = ordernm_rates_of(m, m->t + method->times[i]*h, z, m->rate[i], m->ngroups, m->groups, RATES);
-            if (status) return status;
-            unpack(c, z, stages + i*record);
+            if ((status = ordernm_rates_of(m, m->t + method->times[i]*h, z, m->rate[i], m->ngroups, m->groups, RATES))) return status;
+            keep(c, z, stages + i*record);
             nodes[2*i] = m->t + method->times[i]*h;
         }
-        if (within) states_within(c, h, to);
+        if (within && (status = states_within(c, h, to))) return status;
         for (int j = 0; j < end->count; ++j) nodes[2*end->which[j] + 1] = h*end->factor[j];
         ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
         ordernm_exchange(&m->z, &m->next);
     }
     return 0;
 }
+
+int ordernm_hessians_state(ordernm_curvature *c, scalar t, scalar *to) { return close_and_keep(c, t, c->motion->z, to); }
 
 /* ---- Backwards. ---- */
 
@@ -166,8 +194,10 @@ static void add(ordernm_curvature *c, scalar t, scalar *nu, const group *g)
     const int width = g ? g->width : 1, used = g ? g->used : 1;
     const long from = g ? 1 + g->first : 0;
     scalar *const to = nu + (g ? g->at : 0);
-    for (int i = 0; i < s->nq*width; ++i) to[i] += c->dq[i];
-    for (int i = 0; i < s->nu*width; ++i) to[s->nq*width + i] += c->du[i];
+    for (int i = 0; i < s->nfree_q; ++i)
+        for (int l = 0; l < width; ++l) to[i*width + l] += c->dq[s->free_q[i]*width + l];
+    for (int i = 0; i < s->nfree_u; ++i)
+        for (int l = 0; l < width; ++l) to[(s->nfree_q + i)*width + l] += c->du[s->free_u[i]*width + l];
     for (int l = 0; l < used; ++l)
         for (int i = 0; i < s->np; ++i) c->found->p[(from + l)*s->np + i] += c->dp[i*width + l];
     if (s->ninputs) add_inputs(c, t, c->dinputs, width, from, used, 1.0);
@@ -183,37 +213,49 @@ static void clear(ordernm_curvature *c, int width)
     memset(c->dinputs, 0, s->ninputs*width*sizeof(scalar));
 }
 
+/* Arguments at a state of which all coordinates are known. */
+static void arguments(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, ordernm_call *call)
+{
+    ordernm_arguments(c->motion, t, z, call);
+    if (!c->motion->identity) call->q = q;
+}
+
 /* nu += f_z^T kappa for values, or for the directions of a group, whose weights are the tangents of kappa. */
-static int transposed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *kappa, scalar *nu, const group *g)
+static int transposed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu,
+    const group *g)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
     const int width = g ? g->width : 1;
     const long at = g ? g->at : 0;
     ordernm_call call;
-    ordernm_arguments(m, t, z, &call);
+    arguments(c, t, z, q, &call);
     clear(c, width);
+    memset(c->weights, 0, s->nu*width*sizeof(scalar));
+    for (int i = 0; i < s->nfree_u; ++i)
+        memcpy(c->weights + s->free_u[i]*width, kappa + at + (s->nfree_q + i)*width, width*sizeof(scalar));
     call.qdot = m->qdot, call.udot = m->udot;
-    call.dudot = (scalar *)kappa + at + s->nq*width;
+    call.dudot = c->weights;
     call.dq = c->dq, call.du = c->du, call.dp = c->dp, call.dinputs = c->dinputs, call.dt = c->dt;
     const int status = s->sensitivities_transposed[g ? g->index : ORDERNM_ONE](&call);
     if (status) return status;
     add(c, t, nu, g);
-    for (int i = 0; i < s->nq*width; ++i) nu[at + s->nq*width + i] += kappa[at + i]; /* rates of coordinates are speeds */
+    for (int i = 0; i < s->nfree_q*width; ++i) nu[at + s->nfree_q*width + i] += kappa[at + i]; /* rates of coordinates are speeds */
     return 0;
 }
 
 /* Adds (f_zz dz + f_zp dp)^T kappa along the directions of a group. */
-static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar *kappa, scalar *nu, const group *g)
+static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu, const group *g)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
     ordernm_call call;
-    ordernm_arguments(m, t, z, &call);
+    arguments(c, t, z, q, &call);
     ordernm_seeds(m, t, z, g, &call);
     clear(c, g->width);
     call.dt = c->no_dt;
-    call.b = kappa + s->nq;
+    for (int i = 0; i < s->nfree_u; ++i) c->b[s->free_u[i]] = kappa[s->nfree_q + i];
+    call.b = c->b;
     call.dgq = c->dq, call.dgu = c->du, call.dgp = c->dp, call.dginputs = c->dinputs, call.dgt = c->dt;
     const int status = s->hessian_products[g->index](&call);
     ++c->found->products;
@@ -271,7 +313,7 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
     const ordernm_system *const s = m->system;
     const scheme *const method = m->method;
     const row *const end = method->rows + method->stages;
-    const long record = (1L + c->problem.ndirections)*c->n;
+    const long record = ordernm_hessians_record(c);
     const long source = (1L + c->problem.ndirections)*(c->n + s->np + s->ninputs);
     scalar weight[MOST_STAGES] = {0.0};
     int status;
@@ -286,12 +328,13 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
         const scalar t = m->t + method->times[i]*h, *const kappa = c->kappa[i];
         const int integrand = integrands && weight[i] != 0.0, weighted = any(kappa, m->size);
         if (!integrand && !weighted) continue;
+        const scalar *const q = stages + (i + 1)*record - s->nq;
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
-        if (weighted && (status = transposed(c, t, m->trial, kappa, c->nu, 0))) return status;
+        if (weighted && (status = transposed(c, t, m->trial, q, kappa, c->nu, 0))) return status;
         for (const group *g = m->groups; weighted && g < m->groups + m->ngroups; ++g) {
-            if ((status = transposed(c, t, m->trial, kappa, c->nu, g))) return status;
-            if ((status = curved(c, t, m->trial, kappa, c->nu, g))) return status;
+            if ((status = transposed(c, t, m->trial, q, kappa, c->nu, g))) return status;
+            if ((status = curved(c, t, m->trial, q, kappa, c->nu, g))) return status;
         }
         if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
         accumulate(c->lambda, 1.0, c->nu, m->size);
@@ -303,6 +346,7 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
 void ordernm_hessians_turn(ordernm_curvature *c)
 {
     memset(c->lambda, 0, c->motion->size*sizeof(scalar));
+    if (c->found->finish) pack(c, c->found->finish, c->lambda);
     c->left = c->found->ntimes;
 }
 
@@ -317,7 +361,7 @@ int ordernm_hessians_backwards(ordernm_curvature *c, const scalar *steps, long c
         if (!(step[1] > 0.0)) continue;
         ordernm_find_segment(m, m->t, step[1]);
         const long source = c->all*k*(c->n + s->np + s->ninputs);
-        const int status = step_back(c, step[1], stages + i*c->all*k*c->n, integrands ? integrands + i*source : 0);
+        const int status = step_back(c, step[1], stages + i*c->all*ordernm_hessians_record(c), integrands ? integrands + i*source : 0);
         if (status) return status;
     }
     return 0;

@@ -291,16 +291,18 @@ int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_
 
 /* ---- Hessian products: tangents of the gradients along the problem's directions. ---- */
 
-/* Explicit methods, models without loops, switches and quaternions. With k directions, records have 1 + k rows: values, then derivatives
- * along each direction. Sources are derivatives of a functional by the state, the parameters and the inputs, and the tangents of these
- * derivatives: [1 + k][nq + nu + np + ninputs]. */
+/* Explicit methods, models without switches and quaternions. With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
+ * rows of its independent entries: values, then derivatives along each direction; in models with loops, all nq coordinates follow.
+ * Sources are derivatives of a functional by the independent entries, the parameters and the inputs, and the tangents of these
+ * derivatives: [1 + k][n + np + ninputs]. */
 typedef struct {
     long ntimes;
     const ordernm_scalar *times;      /* increasing times of weighted outputs, from the start to the end */
-    ordernm_scalar *states;           /* [ntimes][1 + k][nq + nu]: states at these times, set by ordernm_tangents */
+    ordernm_scalar *states;           /* [ntimes] records at these times, set by ordernm_tangents */
     const ordernm_scalar *sources;    /* [ntimes]: sources at these times */
+    const ordernm_scalar *finish;     /* [1 + k][n]: derivatives by the state after the last step, and their tangents; 0 for zeros */
     /* Gradients and Hessian products. The caller sets p and inputs to zero. */
-    ordernm_scalar *start, *p, *inputs; /* [1 + k][nq + nu], [np], [count][nsignals] */
+    ordernm_scalar *start, *p, *inputs; /* [1 + k][n], [np], [count][nsignals] */
     long products;
 } ordernm_hessians;
 
@@ -308,14 +310,18 @@ typedef struct ordernm_curvature ordernm_curvature;
 
 /* Number of doubles of memory; starts. ordernm_tangents repeats steps that ordernm_go stored, in the order of time, and stores the states
  * at their stages, and the times and weights of integrands there: records [count][all], and [count][all][2], both set to zero by the
- * caller, where `all` is ordernm_hessians_stages. Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one.
+ * caller, where `all` is ordernm_hessians_stages, and a record has ordernm_hessians_record doubles. Parts of the steps follow each other;
+ * `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then gives the record of the state at the
+ * end.
  * Then, for each functional: ordernm_hessians_turn, the parts backwards, and ordernm_hessians_end. Sources of integrands are
  * [count][all], or 0. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);
+long ordernm_hessians_record(const ordernm_curvature *curvature);
 int ordernm_tangents(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, ordernm_scalar until, ordernm_scalar *stages,
     ordernm_scalar *nodes);
+int ordernm_hessians_state(ordernm_curvature *curvature, ordernm_scalar t, ordernm_scalar *record);
 void ordernm_hessians_turn(ordernm_curvature *curvature);
 int ordernm_hessians_backwards(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, const ordernm_scalar *stages,
     const ordernm_scalar *integrands);

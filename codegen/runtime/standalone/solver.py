@@ -2065,7 +2065,7 @@ class Solver(Package):
         hessian : bool or array_like (r, k), optional
             Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Exact
             for the steps taken, whose sizes count as constants, as do dq0 and du0. For explicit integrators and models
-            without loops, quaternions and branches, generated with ``hessian_products``; `method` is then the adjoint.
+            without quaternions and branches, generated with ``hessian_products``; `method` is then the adjoint.
 
         Returns
         -------

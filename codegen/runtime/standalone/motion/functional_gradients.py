@@ -25,7 +25,7 @@ from .adjoint import Adjoint, segment_backwards
 from .directions import Directions
 from .flat_poses import lost_directions, what_is_lost
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
-from .hessians import check_supported, curvature_of, directions_of
+from .hessians import Motion, Wanted, check_joints, check_supported, curvature_of, directions_of
 from .problem import Problem, Run
 from .settings import Settings, Start
 from .simulation import MEANINGLESS, Simulation, meaningless
@@ -154,22 +154,23 @@ class FunctionalGradients(Simulation):
         memory: int,
     ) -> Judged:
         """Values, gradients and Hessian products along combinations (r, k) of the directions."""
+        check_joints(self.name, self._motion(self._opened)[2])
         check_supported(self, along.method, wanted)
         problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=True, memory=memory)
         nothing = Directions((), directions.dq, directions.du, directions.dp, None, True)
         _, values, weights = self._values(wanted, [], problem, run, nothing)
-        (segment,) = run.segments
         dinputs = None if along.dinputs is None else np.einsum("rk,kci->rci", factors, along.dinputs)
         combined = replace(
             along, dq=factors @ along.dq, du=factors @ along.du, dp=factors @ along.dp, dinputs=dinputs, kept=[]
         )
-        motion = self._motion(segment.opened)
-        self._in_c(segment.opened).run_backwards(motion[2])
-        found = curvature_of(
-            motion, self._dual(segment.opened), segment, combined, wanted, weights.times, weights.outputs, weights.integrals,
-            self.output_names, memory,
-        )  # fmt: skip
+        motion = Motion(run.segments, [self._dual(s.opened) for s in run.segments], [])
+        for s in run.segments:
+            motion.opened.append(self._motion(s.opened))
+            check_joints(self.name, motion.opened[-1][2])
+            self._in_c(s.opened).run_backwards(motion.opened[-1][2])
+        asked = Wanted(wanted, weights.times, weights.outputs, weights.integrals, self.output_names)
+        found = curvature_of(motion, combined, asked, memory)
         changes = found.state @ np.concatenate([along.dq, along.du], axis=1).T + found.p @ directions.dp.T
         if along.dinputs is not None:
             changes = changes + np.einsum("mrci,kci->mrk", found.inputs, along.dinputs)
@@ -177,6 +178,9 @@ class FunctionalGradients(Simulation):
         if not directions.given:
             products += self._of_first_state(found.state[:, 0], directions.dp, factors, first, problem)
         self._check(gradients, weights, directions, problem, run, set())
+        for i, lost in enumerate(~np.isfinite(gradients)):  # without a first derivative there is no second one
+            products[i][:, lost] = np.nan
+            products[i][(factors[:, lost] != 0.0).any(axis=1)] = np.nan
         if not np.isfinite(products).all():
             warn(
                 f"{self.name}: Hessian products of judge are not finite: second derivatives do not exist in this motion"

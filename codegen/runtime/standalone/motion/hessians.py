@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import PackageError
-from ..statics.jets import Jet
+from ..statics.jets import Jet, value_of
 from ..statics.second_derivatives import SecondDerivatives
 from .adjoint import made_again
 from .functionals import AtEvent, Functional, LeastSquares
@@ -63,9 +63,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         The package lacks a function.
     """
     what = ""
-    if package.closure_names:
-        what = f"{package.name} has closed loops; allowed are models without loops"
-    elif package.coordinate_names != package.speed_names:
+    if package.coordinate_names != package.speed_names:
         what = f"{package.name} has quaternions; allowed are models whose speeds are the rates of their coordinates"
     elif "switches" in package._functions:
         what = f"{package.name} has forces or outputs with branches (such as abs, min or a comparison); allowed are smooth ones"
@@ -80,6 +78,20 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
             raise PackageError(
                 f"hessian: {package.name} was generated without {name}; generate it with --functions '{FUNCTIONS}'"
             )
+
+
+def check_joints(name: str, system: Any) -> None:
+    """Refuses choices of independents that take some speeds of a joint, since the integrator then changes states between steps.
+
+    Raises
+    ------
+    ValueError
+    """
+    if system.split:
+        raise ValueError(
+            f"hessian: a joint of {name} has both independent and dependent speeds; allowed are choices of independents "
+            "that take all speeds of a joint, or none. Gradients are available without hessian"
+        )
 
 
 @dataclass(slots=True)
@@ -102,27 +114,59 @@ class Curvature:
     products: int
 
 
-class _Outputs:
-    """Gradients of weighted outputs at many states, and their changes along directions."""
+class _Functions:
+    """Functions of a partition on dual numbers, at many states whose loops are closed.
 
-    def __init__(self, functions: SecondDerivatives, problem: Problem):
-        self.functions, self.problem = functions, problem
+    Records of states are those of ``motion.h``: independent entries with their derivatives along r directions, and coordinates.
+    """
+
+    def __init__(self, functions: SecondDerivatives, problem: Problem, free: Array):
+        self.functions, self.problem, self.free, self.r = functions, problem, free, len(problem.dp)
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
 
-    def sources(self, states: Array, t: Array, within: Array, weights: Array, changes: Array) -> Array:
-        """Sources (n, 1 + r, nq + nu + np + ninputs).
+    def states(self, records: Array, t: Array, within: Array) -> Array:
+        """All coordinates and speeds (n, 1 + r, nq + nu); dependent speeds are zero, which functions compute themselves."""
+        n, r, free, nq = len(records), self.r, self.free, self.nq
+        found = np.zeros((n, 1 + r, nq + self.nu))
+        found[:, :, free] = records[:, : (1 + r) * len(free)].reshape(n, 1 + r, len(free))
+        if records.shape[1] > (1 + r) * len(free):
+            found[:, 0, :nq] = records[:, -nq:]
+            found[:, 1:, :nq] = self.along("completion_sensitivities", found, t, within)["dfull_q"].transpose(1, 0, 2)
+        return found
+
+    def along(self, name: str, states: Array, t: Array, within: Array) -> dict[str, Array]:
+        """Values (n, ...) and derivatives (r, n, ...) of a function's results at states (n, 1 + r, nq + nu)."""
+        n, r, nq, x = len(states), self.r, self.nq, self.problem
+        inputs, dinputs = self.inputs(t, within)
+        dy, of = states[:, 1:].transpose(1, 0, 2), self.functions.functions[name]
+        given = {
+            "q": states[:, 0, :nq], "u": states[:, 0, nq:], "p": np.broadcast_to(x.p, (n, self.np)), "inputs": inputs, "t": t,
+        }  # fmt: skip
+        seeds = {
+            "dq": dy[..., :nq], "du": dy[..., nq:], "dp": np.broadcast_to(x.dp[:, None], (r, n, self.np)),
+            "dinputs": dinputs.transpose(2, 0, 1), "dt": np.zeros((r, n)),
+        }  # fmt: skip
+        found = getattr(self.functions.module, of.name)(
+            *(given[a] for a in of.arguments), *(seeds[s] for s in of.seeds)
+        )
+        return {name: value_of(part) for name, part in zip(of.results, found, strict=True)}
+
+    def transposed(
+        self, name: str, states: Array, t: Array, within: Array, weights: Mapping[str, tuple[Array, Array]]
+    ) -> Array:
+        """Gradients (n, 1 + r, free + np + ninputs) of weighted results, and their changes.
 
         Parameters
         ----------
         states : array (n, 1 + r, nq + nu)
         t, within : array (n,)
             Times, and times within the steps that contain them: inputs may jump between steps.
-        weights, changes : array (n, noutputs), (n, noutputs, r)
-            Weights of outputs, and their changes along the directions.
+        weights : dict of two arrays (n, size), (n, size, r)
+            Weights of results, and their changes along the directions.
         """
-        x, n, r = self.problem, len(states), states.shape[1] - 1
+        x, n, r = self.problem, len(states), self.r
         y, dy = states[:, 0], states[:, 1:].transpose(0, 2, 1)
-        inputs, dinputs = self.inputs(t, within, r)
+        inputs, dinputs = self.inputs(t, within)
         given = {
             "q": Jet(y[:, : self.nq], dy[:, : self.nq]),
             "u": Jet(y[:, self.nq :], dy[:, self.nq :]),
@@ -130,8 +174,8 @@ class _Outputs:
             "inputs": Jet(inputs, dinputs),
             "t": t,
         }
-        name = "output_sensitivities_transposed"
-        found = self.functions.along(name, given, {"doutputs": Jet(weights[None], changes[None])})
+        seeds = {seed: Jet(value[None], change[None]) for seed, (value, change) in weights.items()}
+        found = self.functions.along(name, given, seeds)
         sizes = {"dq": self.nq, "du": self.nu, "dp": self.np, "dinputs": inputs.shape[1]}
         by_name = dict(zip(self.functions.functions[name].results, found, strict=True))
         parts = []
@@ -142,13 +186,15 @@ class _Outputs:
                 continue
             value, slope = jet.value.reshape(n, size, 1), jet.slope.reshape(n, size, r)
             parts.append(np.concatenate([value, slope], axis=2).transpose(0, 2, 1))
-        return np.ascontiguousarray(np.concatenate(parts, axis=2))
+        whole = np.concatenate(parts, axis=2)
+        kept = [*self.free, *range(self.nq + self.nu, whole.shape[2])]
+        return np.ascontiguousarray(whole[:, :, kept])
 
-    def inputs(self, t: Array, within: Array, r: int) -> tuple[Array, Array]:
-        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r); see `sources`."""
+    def inputs(self, t: Array, within: Array) -> tuple[Array, Array]:
+        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r); see `transposed`."""
         x: Inputs = self.problem.inputs
         values = x.at(t, within)
-        along = np.zeros((*values.shape, r))
+        along = np.zeros((*values.shape, self.r))
         if self.problem.dinputs is not None:
             for i, control in enumerate(self.problem.dinputs):
                 along[..., i] = replace(x, values=control).at(t, within)
@@ -156,25 +202,38 @@ class _Outputs:
 
 
 class _Tangents:
-    """A motion's steps with tangents of their stages, ready for functionals."""
+    """The steps of a segment with tangents of their stages, ready for functionals."""
 
-    def __init__(self, motion: tuple[Any, Any, Any], segment: Segment, along: Problem, times: Array, memory: int):
-        self.library, self.ffi, self.system = motion
+    def __init__(
+        self, motion: tuple[Any, Any, Any], functions: SecondDerivatives, segment: Segment, along: Problem, times: Array
+    ):
+        self.library, self.ffi, system = motion
         self.along, self.times, self.r = along, times, len(along.dp)
-        self.n = len(along.q) + len(along.u)
-        self.system.precise = self.ffi.NULL
-        c = self.c = along.in_c(self.ffi, self.system)
-        plain = segment.problem.in_c(self.ffi, self.system)
-        self.states = np.zeros((len(times), 1 + self.r, self.n))
+        unpack, nq = self.ffi.unpack, len(along.q)
+        free_q = unpack(system.free_q, system.nfree_q) if system.nfree_q else []
+        free_u = unpack(system.free_u, system.nfree_u) if system.nfree_u else []
+        self.free = np.array([*free_q, *(nq + i for i in free_u)], int)
+        self.functions = _Functions(functions, along, self.free)
+        # repeated steps must use the same functions as the original steps
+        system.precise = self.ffi.cast("const ordernm_precise *", segment.precise)
+        plain, c = segment.problem.in_c(self.ffi, system), along.in_c(self.ffi, system)
         g = self.g = self.ffi.new("ordernm_hessians *")
-        self.kept = [self._pointer(times), self._pointer(self.states)]
-        g.ntimes, (g.times, g.states) = len(times), self.kept
         self.room = self.ffi.from_buffer("double[]", np.zeros(self.library.ordernm_hessians_room(c)))
         self.curvature = self.library.ordernm_hessians_begin(c, g, self.room)
         self.stages = int(self.library.ordernm_hessians_stages(self.curvature))
-        self._check_memory(segment, memory)
+        self.record = int(self.library.ordernm_hessians_record(self.curvature))
+        self.records = np.zeros((len(times), self.record))
+        self.kept = [self._pointer(times), self._pointer(self.records)]
+        g.ntimes, (g.times, g.states) = len(times), self.kept
+        self._made_again = lambda *part: made_again(self.library, self.ffi, plain, *part)
+        self.segment = segment
+        self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
+
+    def forwards(self) -> None:
+        """Repeats the steps with tangents."""
+        segment, times = self.segment, self.times
         self.parts = [
-            rows if heads is None else made_again(self.library, self.ffi, plain, rows, known, heads)
+            rows if heads is None else self._made_again(rows, known, heads)
             for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
         ]
         steps = np.concatenate(self.parts)
@@ -183,7 +242,7 @@ class _Tangents:
         ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
         self.tapes, self.nodes = [], []
         for rows, until in zip(self.parts, ends, strict=True):
-            tape, nodes = np.zeros((len(rows), self.stages, 1 + self.r, self.n)), np.zeros((len(rows), self.stages, 2))
+            tape, nodes = np.zeros((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
             status = self.library.ordernm_tangents(
                 self.curvature, self._pointer(rows), len(rows), until, self._pointer(tape), self._pointer(nodes)
             )
@@ -191,30 +250,41 @@ class _Tangents:
                 raise RuntimeError(f"tangents of a motion cannot use one of its states ({status})")
             self.tapes.append(tape)
             self.nodes.append(nodes)
+        self.states = self.functions.states(self.records, times, self.within) if len(times) else np.zeros(0)
+        self.end, self.middle = float(steps[-1, :2].sum()), float(_middles(steps[-1:])[0])
 
-    def _check_memory(self, segment: Segment, memory: int) -> None:
-        """Refuses motions whose stages with tangents do not fit the memory."""
-        steps = sum(len(x if h is None else h) for x, h in zip(segment.steps, segment.heads, strict=True))
-        needed = 8 * steps * self.stages * (1 + self.r) * self.n
-        if needed > memory:
-            raise ValueError(
-                f"hessian: {steps} steps with tangents need {needed / 2**20:.0f} MB, and memory allows "
-                f"{memory / 2**20:.0f} MB; make memory larger, the motion shorter, or the tolerances larger"
+    def at_end(self, t: float) -> Array:
+        """All coordinates and speeds (1 + r, nq + nu) at the end of the segment; dependent speeds are zero."""
+        record = np.zeros(self.record)
+        status = self.library.ordernm_hessians_state(self.curvature, t, self._pointer(record))
+        if status:
+            raise RuntimeError(
+                f"tangents of a motion cannot use the state at a change of independent coordinates ({status})"
             )
+        found: Array = self.functions.states(record[None], np.array([t]), np.array([self.middle]))[0]
+        return found
 
     def _pointer(self, x: Array) -> Any:
         return self.ffi.from_buffer("double[]", np.ascontiguousarray(x, float)) if x.size else self.ffi.NULL
 
-    def back(self, sources: Array, integrands: Sequence[Array | None]) -> tuple[Array, Array, Array]:
-        """Gradients by the state at the start, the parameters and the inputs, and their changes, for one functional."""
+    def back(self, sources: Array, integrands: Sequence[Array | None], finish: Array) -> tuple[Array, Array, Array]:
+        """Gradients of a functional by independent entries at the start, parameters and inputs, and their changes.
+
+        Parameters
+        ----------
+        sources, integrands : array
+            Results of `_Functions.transposed` for outputs at times, and for integrals.
+        finish : array (1 + r, free)
+            Gradients by the independent entries at the end, and their changes.
+        """
         g, rows = self.g, 1 + self.r
         found = [
-            np.zeros((rows, self.n)),
+            np.zeros((rows, len(self.free))),
             np.zeros((rows, len(self.along.p))),
             np.zeros((rows, *self.along.inputs.values.shape)),
         ]
-        kept = [self._pointer(x) for x in (sources, *found)]
-        g.sources, g.start, g.p, g.inputs = kept
+        kept = [self._pointer(x) for x in (sources, finish, *found)]
+        g.sources, g.finish, g.start, g.p, g.inputs = kept
         self.library.ordernm_hessians_turn(self.curvature)
         for steps, tape, of in reversed(list(zip(self.parts, self.tapes, integrands, strict=True))):
             held = [self._pointer(steps), self._pointer(tape), self.ffi.NULL if of is None else self._pointer(of)]
@@ -224,59 +294,157 @@ class _Tangents:
         self.library.ordernm_hessians_end(self.curvature)
         return found[0], found[1], found[2]
 
+    def integrands(self, weights: Array) -> list[Array]:
+        """Sources (count, all, 1 + r, n) of weighted outputs at the stages of steps, for each part."""
+        parts = []
+        for rows, tape, nodes in zip(self.parts, self.tapes, self.nodes, strict=True):
+            count, stages, record = tape.shape
+            used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
+            t = nodes[:, used, 0]
+            within = np.broadcast_to(_middles(rows)[:, None], t.shape).ravel()
+            states = self.functions.states(tape[:, used].reshape(-1, record), t.ravel(), within)
+            of = np.broadcast_to(weights, (len(states), len(weights)))
+            changes = np.zeros((*of.shape, self.r))
+            name = "output_sensitivities_transposed"
+            found = self.functions.transposed(name, states, t.ravel(), within, {"doutputs": (of, changes)})
+            whole = np.zeros((count, stages, *found.shape[1:]))
+            whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
+            parts.append(whole)
+        return parts
 
-def curvature_of(
-    motion: tuple[Any, Any, Any], functions: SecondDerivatives, segment: Segment, along: Problem, wanted: Sequence[Functional],
-    times: Array, by_output: Array, by_integral: Array, output_names: Sequence[str], memory: int,
-) -> Curvature:  # fmt: skip
-    """Gradients of m functionals and their changes along the directions of `along`, for the kept steps of a segment.
 
-    Parameters
+@dataclass(slots=True)
+class Motion:
+    """A motion whose steps were kept, with the functions of each segment.
+
+    Attributes
     ----------
-    times : array (nt,)
-    by_output, by_integral : array (m, nt, noutputs), (m, nintegrals)
-        Derivatives of the functionals by outputs at these times, and by integrals.
+    segments : list of Segment
+    functions : list of SecondDerivatives
+    opened : list of (library, ffi, system)
     """
+
+    segments: list[Segment]
+    functions: list[SecondDerivatives]
+    opened: list[tuple[Any, Any, Any]]
+
+
+@dataclass(slots=True)
+class Wanted:
+    """Functionals, and their derivatives by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals)."""
+
+    functionals: Sequence[Functional]
+    times: Array
+    by_output: Array
+    by_integral: Array
+    output_names: Sequence[str]
+
+
+def curvature_of(motion: Motion, along: Problem, wanted: Wanted, memory: int) -> Curvature:
+    """Gradients of m functionals and their changes along the directions of `along`."""
     # least squares have curvature also at samples without error, where their gradient is zero
-    samples = [np.asarray(f.times, float) for f in wanted if isinstance(f, LeastSquares)]
-    used = by_output.any(axis=(0, 2)) | np.isin(times, np.concatenate([*samples, []]))
-    times, by_output = np.ascontiguousarray(times[used]), by_output[:, used]
+    samples = [np.asarray(f.times, float) for f in wanted.functionals if isinstance(f, LeastSquares)]
+    used = wanted.by_output.any(axis=(0, 2)) | np.isin(wanted.times, np.concatenate([*samples, []]))
+    wanted = replace(wanted, times=np.ascontiguousarray(wanted.times[used]), by_output=wanted.by_output[:, used])
     chunks: list[tuple[Array, Array, Array]] = []
     count = 0
     for first in range(0, len(along.dp), TOGETHER):
         part = slice(first, first + TOGETHER)
         dinputs = None if along.dinputs is None else along.dinputs[part]
         some = replace(along, dq=along.dq[part], du=along.du[part], dp=along.dp[part], dinputs=dinputs, kept=[])
-        tangents = _Tangents(motion, segment, some, times, memory)
-        *found, n = _all_functionals(tangents, _Outputs(functions, some), wanted, by_output, by_integral, output_names)
-        chunks.append((found[0], found[1], found[2]))
-        count += n
+        tangents = _forwards(motion, some, wanted.times, memory)
+        results = [_backwards(tangents, wanted, i) for i in range(len(wanted.functionals))]
+        chunks.append(tuple(np.array([one[k] for one in results]) for k in range(3)))  # type: ignore[arg-type]
+        count += sum(int(of.g.products) for of in tangents)
     # each part begins with the same gradients
     state, p, inputs = (np.concatenate([chunks[0][i][:, :1], *(c[i][:, 1:] for c in chunks)], axis=1) for i in range(3))
     return Curvature(state, p, inputs, count)
 
 
-def _all_functionals(
-    tangents: _Tangents, outputs: _Outputs, wanted: Sequence[Functional], by_output: Array, by_integral: Array,
-    output_names: Sequence[str],
-) -> tuple[Array, Array, Array, int]:  # fmt: skip
-    """Results of `_Tangents.back` for each functional, and the number of Hessian products."""
-    x, r, found = tangents.along, tangents.r, []
-    t, no = tangents.times, len(output_names)
-    for f, of_output, of_integral in zip(wanted, by_output, by_integral, strict=True):
-        changes = np.zeros((len(t), no, r))
-        if isinstance(f, LeastSquares):
-            changes = _changes(f, outputs, tangents, output_names)
-        sources = outputs.sources(tangents.states, t, tangents.within, of_output, changes) if len(t) else np.zeros(0)
-        integrands: list[Array | None] = [None] * len(tangents.parts)
-        if of_integral.any():
-            weights = np.zeros(no)
-            np.add.at(weights, list(x.integrals), of_integral)
-            for i, (rows, tape, nodes) in enumerate(zip(tangents.parts, tangents.tapes, tangents.nodes, strict=True)):
-                integrands[i] = _integrands(outputs, rows, tape, nodes, weights)
-        found.append(tangents.back(sources, integrands))
-    state, p, inputs = (np.array([one[i] for one in found]) for i in range(3))
-    return state, p, inputs, int(tangents.g.products)
+def _check_memory(segments: Sequence[Segment], of: _Tangents, memory: int) -> None:
+    """Refuses motions whose stages with tangents do not fit the memory."""
+    steps = sum(len(x if h is None else h) for s in segments for x, h in zip(s.steps, s.heads, strict=True))
+    needed = 8 * steps * of.stages * of.record
+    if needed > memory:
+        raise ValueError(
+            f"hessian: {steps} steps with tangents need {needed / 2**20:.0f} MB, and memory allows "
+            f"{memory / 2**20:.0f} MB; make memory larger, the motion shorter, or the tolerances larger"
+        )
+
+
+def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list[_Tangents]:
+    """Segments with tangents; each one begins with those at the end of the one before."""
+    found: list[_Tangents] = []
+    dq, du = along.dq, along.du
+    for number, (segment, functions, opened) in enumerate(
+        zip(motion.segments, motion.functions, motion.opened, strict=True)
+    ):
+        start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
+        here = np.ascontiguousarray(times[(times > start) & (times <= end)])
+        problem = replace(segment.problem, dq=dq, du=du, dp=along.dp, dinputs=along.dinputs, kept=[])
+        of = _Tangents(opened, functions, segment, problem, here)
+        if not found:
+            _check_memory(motion.segments, of, memory)
+        of.forwards()
+        found.append(of)
+        if segment is motion.segments[-1]:
+            break
+        nq, at, within = len(along.q), np.array([end]), np.array([of.middle])
+        state = of.at_end(end)
+        full = of.functions.along("completion_sensitivities", state[None], at, within)
+        dq, du = full["dfull_q"][:, 0], full["dfull_u"][:, 0]
+        of.changed = np.concatenate([state[:, :nq], np.concatenate([state[:1, nq:], du])], axis=1)
+    return found
+
+
+def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[Array, Array, Array]:
+    """Gradients of a functional by the initial state, parameters and inputs, and their changes."""
+    f, by_output, names = wanted.functionals[number], wanted.by_output[number], wanted.output_names
+    weights = np.zeros(len(names))
+    np.add.at(weights, list(tangents[0].along.integrals), wanted.by_integral[number])
+    total: tuple[Array, Array] | None = None
+    later: Array | None = None
+    for of in reversed(tangents):
+        finish = np.zeros(0)
+        if later is not None:
+            finish, *completed = _changed(of, later)
+        here = np.isin(wanted.times, of.times)
+        changes = np.zeros((len(of.times), len(names), of.r))
+        if isinstance(f, LeastSquares) and len(of.times):
+            changes = _changes(f, of, names)
+        sources, name = np.zeros(0), "output_sensitivities_transposed"
+        if len(of.times):
+            by = {"doutputs": (by_output[here], changes)}
+            sources = of.functions.transposed(name, of.states, of.times, of.within, by)
+        integrands = of.integrands(weights) if weights.any() else [None] * len(of.parts)
+        start, p, inputs = of.back(sources, integrands, finish)
+        if total is not None and later is not None:
+            p, inputs = p + total[0] + completed[0], inputs + total[1] + completed[1]
+        total = p, inputs
+        later = np.zeros((1 + of.r, of.functions.nq + of.functions.nu))
+        later[:, of.free] = start
+    assert total is not None and later is not None
+    return later, *total
+
+
+def _changed(of: _Tangents, later: Array) -> tuple[Array, Array, Array]:
+    """Gradients, and their changes, before a change of independent coordinates, from those after it (1 + r, nq + nu): by the
+    independent entries (1 + r, free), the parameters and the inputs."""
+    nq, free, n_p = of.functions.nq, len(of.free), of.functions.np
+    by = {
+        seed: (later[:1, part], later[1:, part].T[None])
+        for seed, part in (("dfull_q", slice(0, nq)), ("dfull_u", slice(nq, None)))
+    }
+    t, within = np.array([of.end]), np.array([of.middle])
+    found = of.functions.transposed("completion_sensitivities_transposed", of.changed[None], t, within, by)[0]
+    state, p, inputs = found[:, :free], found[:, free : free + n_p], found[:, free + n_p :]
+    x = of.along.inputs
+    whole = np.zeros((1 + of.r, *x.values.shape))
+    unit = replace(x, values=np.eye(len(x.values)), moving=())
+    signals = [(i, 0) for i in range(x.values.shape[1])] + [(i, order) for i in x.moving for order in (1, 2)]
+    for (signal, order), column in zip(signals, inputs.T, strict=True):
+        whole[:, :, signal] += np.outer(column, unit.derivative(t, order, within=within)[0])
+    return np.ascontiguousarray(state), p, whole
 
 
 def _middles(steps: Array) -> Array:
@@ -285,47 +453,16 @@ def _middles(steps: Array) -> Array:
     return middles
 
 
-def _integrands(outputs: _Outputs, rows: Array, tape: Array, nodes: Array, weights: Array) -> Array:
-    """Sources (count, all, 1 + r, n) of weighted outputs at the stages of steps."""
-    count, stages, width, n = tape.shape
-    used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
-    states = tape[:, used].reshape(-1, width, n)
-    t = nodes[:, used, 0]
-    within = np.broadcast_to(_middles(rows)[:, None], t.shape)
-    of = np.broadcast_to(weights, (len(states), len(weights)))
-    found = outputs.sources(states, t.ravel(), within.ravel(), of, np.zeros((*of.shape, width - 1)))
-    whole = np.zeros((count, stages, *found.shape[1:]))
-    whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
-    return whole
-
-
-def _changes(f: LeastSquares, outputs: _Outputs, tangents: _Tangents, names: Sequence[str]) -> Array:
+def _changes(f: LeastSquares, of: _Tangents, names: Sequence[str]) -> Array:
     """Changes along the directions of the weights (nt, noutputs, r) with which least squares weigh outputs."""
-    t, r, no = tangents.times, tangents.r, len(names)
-    weight = np.zeros((len(t), no))
-    rows = np.searchsorted(t, np.asarray(f.times, float))
-    _, weight[rows] = f.residuals(np.zeros((len(rows), no)), names)
-    y = tangents.states
-    x, nq = tangents.along, len(tangents.along.q)
-    inputs, dinputs = outputs.inputs(t, tangents.within, r)
-    dy = y[:, 1:].transpose(1, 0, 2)
-    of = outputs.functions.functions["output_sensitivities"]
-    given = {
-        "q": y[:, 0, :nq],
-        "u": y[:, 0, nq:],
-        "p": np.broadcast_to(x.p, (len(t), len(x.p))),
-        "inputs": inputs,
-        "t": t,
-    }
-    seeds = {
-        "dq": dy[..., :nq], "du": dy[..., nq:], "dp": np.broadcast_to(x.dp[:, None], (r, len(t), len(x.p))),
-        "dinputs": dinputs.transpose(2, 0, 1), "dt": np.zeros((r, len(t))),
-    }  # fmt: skip
-    module = outputs.functions.module
-    found = getattr(module, of.name)(*(given[a] for a in of.arguments), *(seeds[s] for s in of.seeds))
-    doutputs = found[list(of.results).index("doutputs")]
-    value = doutputs.value if isinstance(doutputs, Jet) else np.asarray(doutputs)
-    return (weight**2)[..., None] * value.reshape(r, len(t), no).transpose(1, 2, 0)
+    times = np.asarray(f.times, float)
+    _, every = f.residuals(np.zeros((len(times), len(names))), names)
+    weight = np.zeros((len(of.times), len(names)))
+    here = np.isin(times, of.times)
+    weight[np.searchsorted(of.times, times[here])] = every[here]
+    value = of.functions.along("output_sensitivities", of.states, of.times, of.within)["doutputs"]
+    found: Array = (weight**2)[..., None] * value.reshape(of.r, *weight.shape).transpose(1, 2, 0)
+    return found
 
 
-__all__ = ["Curvature", "check_supported", "curvature_of", "directions_of"]
+__all__ = ["Curvature", "Motion", "Wanted", "check_joints", "check_supported", "curvature_of", "directions_of"]
