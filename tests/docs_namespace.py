@@ -15,7 +15,10 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "solver": ("double_pendulum", {"reactions": True, "frames": True}),
     "four_bar": ("four_bar", {"partitions": 2}),
     "shaken": ("shaken_pendulum", {}),
-    "pendulum": ("pendulum", {"functions": "accelerations,gradients,motion,hessian_products"}),
+    "pendulum": (
+        "pendulum",
+        {"functions": "accelerations,gradients,motion,hessian_products,inverse_dynamics_hessian_products"},
+    ),
 }
 """Name of the solver, model in `EXAMPLES`, options of `generate`."""
 

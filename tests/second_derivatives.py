@@ -21,17 +21,57 @@ def made(model: Any, folder: Path, target: str = "numpy", functions: str = FUNCT
 
 
 def directions(solver: codegen.Solver, state: Any) -> dict[str, np.ndarray]:
-    """One direction for every entry of q, u, p, inputs and t."""
-    parts = [*state[:4], [state.t]]
+    """One direction for every entry of q, u, p, inputs, t and, if `state` has six parts, udot."""
+    parts = [*state[:4], [state[4]], *state[5:]]
     units = np.split(np.eye(sum(map(len, parts))), np.cumsum([len(x) for x in parts[:-1]]), axis=1)
-    seeds = dict(zip(("dq", "du", "dp", "dinputs", "dt"), units, strict=True))
+    seeds = dict(zip(("dq", "du", "dp", "dinputs", "dt", "dudot"), units, strict=False))
     return seeds | {"dt": seeds["dt"][:, 0]}
 
 
 def joined(found: Any) -> np.ndarray:
     """All entries by direction (k, n)."""
-    return np.concatenate([*found[:4], found.t[..., None]], axis=-1)
+    further = [found.udot] if hasattr(found, "udot") else []
+    return np.concatenate([found.q, found.u, found.p, found.inputs, found.t[..., None], *further], axis=-1)
 
 
-def hessian(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
-    return joined(solver.hessian_products(*state, weights=weights, **directions(solver, state)))
+def hessian(solver: codegen.Solver, state: Any, weights: np.ndarray, products: str = "hessian_products") -> np.ndarray:
+    return joined(getattr(solver, products)(*state, weights=weights, **directions(solver, state)))
+
+
+def kept_as_given(solver: codegen.Solver, dq: np.ndarray) -> list[bool]:
+    """Whether each coordinate is independent; of rotations or positions of one joint, whether loops determine none of them.
+
+    The complete seeds `dq` do not change a quaternion's length, but a given seed may.
+    """
+    names = solver.coordinate_names
+    kept = [n in solver.independent_names for n in names]
+    for i, name in enumerate(names):
+        for first, count in ((".qw", 4), (".px", 3)):
+            if name.endswith(first):
+                freedoms = np.linalg.matrix_rank(dq[i : i + count, i : i + count], 1e-9)
+                kept[i : i + count] = [kept[i] and freedoms == 3] * count
+    return kept
+
+
+def differences(solver: codegen.Solver, state: Any, weights: np.ndarray, gradients: Any = "gradients") -> np.ndarray:
+    """The Hessian from central differences of gradients in 40 digits; with loops, along complete seeds.
+
+    The loops open by the square of the step, on both sides alike, so the difference does not contain this. `gradients` is a
+    method of the solver, or a function of the solver in 40 digits, the state and the weights.
+    """
+    exact = solver.in_precision(DIGITS)
+    mp = __import__("mpmath").mp.clone()
+    mp.dps = DIGITS
+    number = np.frompyfunc(mp.mpf, 1, 1)
+    seeds = directions(solver, state)
+    if solver.closure_names:
+        *_, dq, du = solver.assemble_sensitivities(*state[:5], **{n: x for n, x in seeds.items() if x.size})
+        seeds |= {"dq": np.where(kept_as_given(solver, dq), seeds["dq"], dq), "du": du}
+    found = []
+    for sign in (1, -1):
+        moved = [number(x) + sign * number(STEP) * number(d) for x, d in zip(state, seeds.values(), strict=True)]
+        if isinstance(gradients, str):
+            found.append(joined(getattr(exact, gradients)(*moved, weights=number(weights)))[0])
+        else:
+            found.append(gradients(exact, moved, number(weights)))
+    return ((found[0] - found[1]) / (2 * number(STEP))).astype(float)

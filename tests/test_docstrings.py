@@ -45,7 +45,7 @@ FUNCTIONS = [
         "runtime.standalone.motion.controllers": "Sample",
         "runtime.standalone.motion.functionals": "Final At Integral AtEvent LeastSquares Judged",
         "runtime.standalone.motion.ode": "Ode",
-        "runtime.standalone.state.derivatives": "Jacobians Gradients HessianProducts",
+        "runtime.standalone.state.derivatives": "Jacobians Gradients HessianProducts InverseDynamicsProducts",
         "runtime.standalone.state.frame_motion": "FrameMotion PointMotion",
         "runtime.standalone.statics.equilibrium": "Equilibrium",
         "runtime.standalone.statics.linearization": "Linearization Matrices Modes",

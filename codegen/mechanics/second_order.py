@@ -22,188 +22,47 @@ from ..program.block import Block, Component, Expansion, Statement
 from ..program.derivatives import of_symbols
 from ..program.passes import drop_dead, propagate_copies
 from ..program.second_order import Primitives, adjoint, along, transpose
-from ..program.store import Memory, Store
+from ..program.store import Store
 from ..program.transpose import always
 from ..records import dataclass
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
+from .second_order_stores import (
+    READ_BY_FORMULAS,
+    READ_BY_LOOPS,
+    adjoint_of,
+    adjoint_tangent_of,
+    along_of_adjoint,
+    base_of,
+    in_memory,
+    mass_tangent_of,
+    tangent_of,
+)
 from .stores import (
-    ACCELERATION_GAP,
-    ACCELERATION_GAP_BAR,
     ADJOINT,
     ADJOINT_LANE,
-    CE_DGP,
     CE_DP,
-    CE_GP,
     CE_PARAMETER,
-    CL_DGP,
     CL_DP,
-    CL_GP,
     CL_PARAMETER,
-    COEFFICIENT,
-    COEFFICIENT_BAR,
     CONSTANTS,
-    COORDINATE_FORCE,
-    COORDINATES,
-    DACCELERATION_GAP,
-    DACCELERATION_GAP_BAR,
-    DCOEFFICIENT,
-    DCOEFFICIENT_BAR,
-    DCOORDINATE_FORCE,
-    DDRIVE,
-    DDRIVE_BAR,
     DFORCE,
-    DFORCE_BAR,
-    DGAP,
-    DGAP_BAR,
-    DGP,
-    DGQ,
-    DGU,
-    DMOTION,
-    DMOTION_BAR,
-    DMULTIPLIER,
     DMULTIPLIER_BAR,
     DP,
-    DQ,
-    DRATE_GAP,
-    DRATE_GAP_BAR,
-    DRIVE,
-    DRIVE_BAR,
-    DTAU,
-    DTAU_BAR,
-    DU,
-    DUDOT,
     DUDOT_BAR,
     ELEMENT_CONSTANTS,
-    FORCE,
-    FORCE_BAR,
-    GAP,
-    GAP_BAR,
-    GP,
-    GQ,
-    GU,
     LOOP_CONSTANTS,
     MASS_LANE,
     ME,
-    MOTION,
-    MOTION_BAR,
-    MULTIPLIER,
-    MULTIPLIER_BAR,
     PARAMETER,
-    RATE_GAP,
-    RATE_GAP_BAR,
-    RECORD,
-    SPEEDS,
     TANGENT,
-    TAU,
-    TAU_BAR,
     TRIG,
     TURNS,
-    UDOT,
-    UDOT_BAR,
 )
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, LinkKind, UnitKind
 from .structure.system import System
 from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, back_name, mass_name
-
-TANGENTS = {
-    COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
-    FORCE: DFORCE, MULTIPLIER: DMULTIPLIER, GAP: DGAP, RATE_GAP: DRATE_GAP, ACCELERATION_GAP: DACCELERATION_GAP,
-    COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ,
-}  # fmt: skip
-"""The tangents of arguments, results and formulas."""
-
-ADJOINTS = {
-    DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
-    DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
-    DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
-}  # fmt: skip
-"""The adjoints, by the tangents."""
-
-ADJOINT_TANGENTS = {
-    GQ: DGQ, GU: DGU, GP: DGP, CE_GP: CE_DGP, UDOT_BAR: DUDOT_BAR, TAU_BAR: DTAU_BAR, MOTION_BAR: DMOTION_BAR,
-    COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR, CL_GP: CL_DGP,
-    MULTIPLIER_BAR: DMULTIPLIER_BAR, GAP_BAR: DGAP_BAR, RATE_GAP_BAR: DRATE_GAP_BAR,
-    ACCELERATION_GAP_BAR: DACCELERATION_GAP_BAR,
-}  # fmt: skip
-"""The tangents of adjoints."""
-
-READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
-"""Adjoints that formulas read; gradients themselves are not computed."""
-
-READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
-"""Adjoints from which the multipliers of loops follow."""
-
-_PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
-_MADE: dict[tuple[Memory, Store], Store] = {}
-_BASE: dict[Store, Store] = {}
-"""The store of values to which each store in `_MADE` belongs."""
-
-
-def _base(store: Store) -> Store:
-    """A store without its place."""
-    return _UNPLACED.get(store.name, store) if store.place is not None else store
-
-
-def _found(table: Mapping[Store, Store], store: Store) -> Store | None:
-    """The store that a table has for another one, at the same place."""
-    found = table.get(_base(store))
-    return found if found is None or store.place is None else found[store.place]
-
-
-_UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s in (*table, *table.values())}
-
-
-def _in(memory: Memory, store: Store) -> Store:
-    """The store of another memory of the same owner."""
-    base = _BASE.get(store, store)
-    found = _MADE.get((memory, base))
-    if found is None:
-        found = _MADE[memory, base] = Store(f"{_PREFIX[memory]}{base.name}", base.owner, memory, place=base.place)
-        _BASE[found] = base
-    return found
-
-
-def tangent_of(store: Store, name: str) -> Component | None:
-    """The place of the tangent of a value."""
-    if store.memory is RECORD:
-        return _in(TANGENT, store), name
-    found = _found(TANGENTS, store)
-    return None if found is None else (found, name)
-
-
-def adjoint_of(store: Store) -> Store:
-    """The store of the adjoints of a store of tangents."""
-    if store.memory is TANGENT:
-        return _in(ADJOINT, store)
-    found = _found(ADJOINTS, store)
-    assert found is not None, store
-    return found
-
-
-def _along_of_adjoint(store: Store) -> Store:
-    """The store of the tangents of the adjoints of a store of tangents."""
-    if store.memory is TANGENT:
-        return _in(ADJOINT_LANE, store)
-    found = _found(ADJOINT_TANGENTS, adjoint_of(store))
-    assert found is not None, store
-    return found
-
-
-def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
-    """The place of the tangent of a value or of an adjoint."""
-    if store.memory is ADJOINT:
-        return _in(memory, store), name
-    found = _found(ADJOINT_TANGENTS, store)
-    return tangent_of(store, name) if found is None else (found, name)
-
-
-def mass_tangent_of(store: Store, name: str) -> Component | None:
-    """The place of the tangent of ``M z`` at fixed z, in separate memory."""
-    if _base(store) in (FORCE_BAR, ACCELERATION_GAP_BAR):
-        return None
-    return adjoint_tangent_of(store, name, MASS_LANE)
 
 
 @dataclass(slots=True, eq=False)
@@ -260,7 +119,11 @@ class SecondOrder:
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
         self.transposes: dict[tuple[str, int], Block] = {}
-        self.dropped = () if loops else (DUDOT_BAR,)
+        self.forward, inverse = mass_name("missing_forces") in wanted, not loops and "tree_motion" in originals
+        """Whether products of the forward dynamics of a tree are among the functions."""
+        self.dropped = () if loops or inverse else (DUDOT_BAR,)
+        self.one_of_trees = not loops and self.forward is not inverse
+        """Whether one function only runs the sweeps, for a tree: first contributions are then known."""
         self.unread = () if loops else (DFORCE,)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
         """Tangents and adjoints that can differ from zero."""
@@ -286,35 +149,36 @@ class SecondOrder:
                 if back_name(name) in self.wanted:
                     title = SWEEP[back_name(name)].title
                     found.setdefault(back_name(name), {})[k] = transpose(
-                        read[name][k], f"{back_name(name)}_{k}", title, _along_of_adjoint, always
+                        read[name][k], f"{back_name(name)}_{k}", title, along_of_adjoint, always
                     )
                 if k not in backs[name]:
                     continue
                 back = backs[name][k]
-                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or _base(a) in self.read)
+                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or base_of(a) in self.read)
                 mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
-                if adjoint_name(name) not in self.wanted:  # one block computes both
+                if not self.system.model.loops:  # one block computes both
                     mass.stores += found[adjoint_name(name)][k].stores
                 found[mass_name(name)][k] = _storing(
-                    mass, lambda a: a.memory in (MASS_LANE, ADJOINT) or _base(a) in (*self.solved, *self.read)
+                    mass, lambda a: a.memory in (MASS_LANE, ADJOINT) or base_of(a) in (*self.solved, *self.read)
                 )
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
-                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: _base(a) not in self.dropped)
+                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: base_of(a) not in self.dropped)
         self._drop_zeros(found)
-        if not self.system.model.loops:
+        if self.one_of_trees:
             self._assign_first(found)
         return found
 
     def _assign_first(self, found: dict[str, dict[int, Block]]) -> None:
         """Assign the first contributions to adjoints and to their tangents; see `codegen.mechanics.first_contributions`."""
+        of_values = mass_name if self.forward else adjoint_name
         for memory, name_of in (
-            (ADJOINT, mass_name),
+            (ADJOINT, of_values),
             (ADJOINT_LANE, lambda name: along_name(adjoint_name(name))),
             (MASS_LANE, mass_name),
         ):
             names = [name_of(s.name) for s in reversed(self.sweeps)]
             outside = {n for (of, _), _, n in read_outside(self.system) if of is memory}
-            assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], _in(memory, ME), outside)
+            assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], in_memory(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
         """Drop zeros from transposes of tangents: adjoints that none of these blocks stores."""
@@ -329,7 +193,7 @@ class SecondOrder:
                     s
                     for s, (a, n) in block.loads.items()
                     if (a.memory is ADJOINT_LANE and nonzero.isdisjoint(self._places(kind, sweep, a, n)))
-                    or _base(a) in self.solved
+                    or base_of(a) in self.solved
                 }
                 zero = [Statement(s, algebra.ZERO) for s in sorted(zeros, key=str)]
                 loads = {s: at for s, at in block.loads.items() if s not in zeros}
@@ -337,7 +201,9 @@ class SecondOrder:
                     Block(block.name, block.title, loads, [*zero, *block.statements], list(block.stores))
                 )
                 made.stores = [
-                    (a, n, e) for a, n, e in made.stores if e is not algebra.ZERO and _base(a.plain) not in self.solved
+                    (a, n, e)
+                    for a, n, e in made.stores
+                    if e is not algebra.ZERO and base_of(a.plain) not in self.solved
                 ]
                 for store, n, _ in made.stores:
                     if store.memory is ADJOINT_LANE:
@@ -402,7 +268,7 @@ class SecondOrder:
     def _expansion(self, sweep: Sweep, kind: UnitKind, made: str, block: Block) -> Expansion:
         def nonzero(store: Store, name: str) -> bool:
             if store.memory in (ADJOINT, ADJOINT_LANE, MASS_LANE):
-                store = _in(ADJOINT, store)
+                store = in_memory(ADJOINT, store)
             if store.memory in (TANGENT, ADJOINT):
                 return not self.nonzero.isdisjoint(self._places(kind, sweep, store, name))
             return self.patterns.is_nonzero(kind, sweep, store, name)

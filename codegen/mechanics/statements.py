@@ -22,7 +22,7 @@ from .outputs.outputs import output_formulas, potential_formula
 from .outputs.switches import switch_formulas
 from .patterns import Place as MemoryPlace
 from .plan import plan_of
-from .procedures import HESSIAN_PRODUCTS, SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
+from .procedures import SECOND_ORDER, SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
 from .stores import LAID_OUT, SLOT
 from .structure.kinds import RegionKind
 from .structure.system import System, analyse
@@ -64,7 +64,7 @@ def expanded(
     model = system.model
     selected = procedures(system, reactions, functions, frames, moves)
     read = {t for p in selected for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
-    if any(p.name == HESSIAN_PRODUCTS for p in selected):
+    if any(p.name in SECOND_ORDER for p in selected):
         for shape in system.shapes:
             differentiate_twice(shape)
     values, records = output_formulas(system)

@@ -30,7 +30,9 @@ MAPPINGS = {
     **dict.fromkeys(("q", "dq", "dq0", "weights_q"), "Coordinates"),
     **dict.fromkeys(("u", "du", "du0", "weights_u", "udot", "dudot", "b", "db"), "Speeds"),
     **dict.fromkeys(("p", "dp"), "Parameters"), **dict.fromkeys(("inputs", "dinputs"), "Inputs"),
-    "gradients.weights": "Speeds", "output_gradients.weights": "Outputs", "coordinate_rate_gradients.weights": "Coordinates",
+    "gradients.weights": "Speeds", "hessian_products.weights": "Speeds",
+    "output_hessian_products.weights": "Outputs", "inverse_dynamics_hessian_products.weights": "Speeds",
+    "output_gradients.weights": "Outputs", "coordinate_rate_gradients.weights": "Coordinates",
 }  # fmt: skip
 """Mapping types by argument, or by method and argument."""
 

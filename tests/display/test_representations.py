@@ -10,7 +10,7 @@ import pytest
 import ordernm
 from codegen.html_tables import SHOWN, html_of
 from codegen.runtime.standalone.display.poses import Poses
-from codegen.runtime.standalone.state.derivatives import HessianProducts
+from codegen.runtime.standalone.state.derivatives import HessianProducts, InverseDynamicsProducts
 from ordernm.runtime import Event, Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -94,6 +94,7 @@ def results(solver, tmp_path_factory):
         "Jacobians": solver.jacobians(q, u),
         "Gradients": solver.gradients(q, u, weights=np.eye(2)),
         "HessianProducts": HessianProducts(*np.ones((4, 2, 2)), np.ones(2)),
+        "InverseDynamicsProducts": InverseDynamicsProducts(*np.ones((5, 2, 2)), np.ones(2)),
         "FrameMotion": solver.frames(q, u),
         "FrameMotion of many": solver.frames(np.tile(q, (3, 1)), np.tile(u, (3, 1)), accelerations=True),
         "FrameMotion of one": solver.frames(q, u, bodies="upper"),

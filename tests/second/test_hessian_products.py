@@ -12,7 +12,7 @@ from prescribed_models import with_prescribed
 from random_elements import with_random_elements
 from random_models import EVERY, RandomState, random_seeds, random_state, random_tree
 from rotor_models import with_rotors
-from second_derivatives import DIGITS, EXAMPLES, FUNCTIONS, STEP, directions, hessian, joined, made
+from second_derivatives import EXAMPLES, FUNCTIONS, differences, hessian, made
 
 import codegen
 from codegen.model import Model, parse_model
@@ -29,24 +29,6 @@ def test_a_result_that_is_not_finite_has_the_name_of_the_method(tmp_path: Path) 
     model = parse_model(json.dumps(odd), "odd.yaml")
     with pytest.warns(RuntimeWarning, match="odd: q of hessian_products is not finite"):
         made(model, tmp_path).hessian_products([0.0], [0.0], weights=[1.0], dq=[1.0])
-
-
-def differences(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
-    """The Hessian from central differences of gradients in 40 digits."""
-    exact = solver.in_precision(DIGITS)
-    mp = exact.mp if hasattr(exact, "mp") else __import__("mpmath").mp.clone()
-    mp.dps = DIGITS
-    number = np.frompyfunc(mp.mpf, 1, 1)
-    seeds = directions(solver, state)
-    found = []
-    for sign in (1, -1):
-        moved = [
-            number(x) + sign * number(STEP) * number(seeds[f"d{n}"])
-            for n, x in zip(("q", "u", "p", "inputs"), state[:4], strict=True)
-        ]
-        t = number(state.t) + sign * number(STEP) * number(seeds["dt"])
-        found.append(joined(exact.gradients(*moved, t, weights=number(weights)))[0])
-    return ((found[0] - found[1]) / (2 * number(STEP))).astype(float)
 
 
 def drawn(seed: int) -> tuple[Model, Any, np.ndarray]:

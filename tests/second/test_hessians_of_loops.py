@@ -17,7 +17,7 @@ from prescribed_models import with_prescribed_at
 from random_mechanisms import random_mechanisms
 from random_models import EVERY, RandomState, random_seeds
 from rotor_models import with_rotors_at
-from second_derivatives import DIGITS, EXAMPLES, FUNCTIONS, STEP, directions, hessian, joined, made
+from second_derivatives import EXAMPLES, FUNCTIONS, differences, hessian, kept_as_given, made
 
 import codegen
 from codegen.model import Model, parse_model
@@ -32,57 +32,17 @@ def state_of(solver: codegen.Solver, seed: int = 1) -> tuple[RandomState, np.nda
     return RandomState(q, u, np.asarray(solver.parameters), inputs, 0.0), rng.normal(size=u.size)
 
 
-def _kept_as_given(solver: codegen.Solver, dq: np.ndarray) -> list[bool]:
-    """Whether each coordinate is independent; of rotations or positions of one joint, whether loops determine none of them.
-
-    The complete seeds do not change a quaternion's length, but a given seed may.
-    """
-    names = solver.coordinate_names
-    kept = [n in solver.independent_names for n in names]
-    for i, name in enumerate(names):
-        for first, count in ((".qw", 4), (".px", 3)):
-            if name.endswith(first):
-                freedoms = np.linalg.matrix_rank(dq[i : i + count, i : i + count], 1e-9)
-                kept[i : i + count] = [kept[i] and freedoms == 3] * count
-    return kept
-
-
-def differences_on_closed_loops(solver: codegen.Solver, state: Any, weights: np.ndarray) -> np.ndarray:
-    """The Hessian from central differences of gradients in 40 digits, along complete seeds.
-
-    The loops open by the square of the step, on both sides alike, so the difference does not contain this.
-    """
-    exact = solver.in_precision(DIGITS)
-    mp = __import__("mpmath").mp.clone()
-    mp.dps = DIGITS
-    number = np.frompyfunc(mp.mpf, 1, 1)
-    seeds = directions(solver, state)
-    given = {n: x for n, x in seeds.items() if x.size}
-    *_, dq, du = solver.assemble_sensitivities(*state, **given)
-    seeds["dq"] = np.where(_kept_as_given(solver, dq), seeds["dq"], dq)
-    seeds["du"] = du
-    found = []
-    for sign in (1, -1):
-        moved = [
-            number(x) + sign * number(STEP) * number(seeds[f"d{n}"])
-            for n, x in zip(("q", "u", "p", "inputs"), state[:4], strict=True)
-        ]
-        t = number(state.t) + sign * number(STEP) * number(seeds["dt"])
-        found.append(joined(exact.gradients(*moved, t, weights=number(weights)))[0])
-    return ((found[0] - found[1]) / (2 * number(STEP))).astype(float)
-
-
 def agree(model: Any, folder: Path, limit: float, state: Any = None, weights: Any = None, skew: float = 1e-13) -> None:
     """Check every entry, and the symmetry of coordinates that can be chosen independently of each other."""
     solver = made(model, folder, functions=f"{FUNCTIONS},assemble_sensitivities")
     if state is None:
         state, weights = state_of(solver)
-    H, reference = hessian(solver, state, weights), differences_on_closed_loops(solver, state, weights)
+    H, reference = hessian(solver, state, weights), differences(solver, state, weights)
     largest = np.abs(reference).max()
     assert largest > 0
     assert np.abs(H - reference).max() < limit * largest
     *_, dq, _ = solver.assemble_sensitivities(*state, dq=np.eye(state.q.size))
-    apart = _kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
+    apart = kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
     assert np.abs(H - H.T).max() < skew * largest or not apart
 
 

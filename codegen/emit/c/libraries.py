@@ -35,7 +35,6 @@ _OF = {
     "inverse_dynamics_sensitivities": "forces", "driving_forces": "forces", "driving_force_sensitivities": "forces",
     "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
     "output_sensitivities": "outputs", "switches": "motion", "switch_sensitivities": "motion",
-    "hessian_products": "gradients",
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")
@@ -49,7 +48,7 @@ def library_of(function: str) -> str:
     """The library of a function that Python calls."""
     if function in _OF:
         return _OF[function]
-    if function.endswith("_transposed"):
+    if function.endswith(("_transposed", "hessian_products")):
         return "gradients"
     if function.startswith(("frame", "point_place")):
         return FRAMES

@@ -17,14 +17,14 @@ from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
-from .second_order import HESSIAN_PRODUCTS, hessian_products
+from .second_order import SECOND_ORDER, second_order
 from .shared import Shared
 from .swept import checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "HESSIAN_PRODUCTS", "OTHER_WIDTHS", "OUTPUTS", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
+    "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
     "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
@@ -78,8 +78,7 @@ def procedures(
     if frames or functions is not None:
         found += tuple(frames_of(w))
     if functions is not None:
-        if HESSIAN_PRODUCTS in functions or system.model.nu:
-            found += (hessian_products(w),)
+        found += second_order(w, functions)
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if not moves:
         found = without_motions(found, functions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from ...program.procedure import (
@@ -20,6 +21,7 @@ from ...program.procedure import (
     Step,
     Zero,
 )
+from ..quantities import run
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
@@ -28,18 +30,12 @@ from .shared import Shared, performed
 from .words import OTHER_WIDTHS
 
 HESSIAN_PRODUCTS = "hessian_products"
-"""The function, which is included only on request."""
+INVERSE_DYNAMICS_PRODUCTS = "inverse_dynamics_hessian_products"
+"""The functions, which are included only on request."""
 
 
 def hessian_products(w: Shared) -> Procedure:
-    """The Hessian of ``weights . udot`` times directions: the change of its gradient along them.
-
-    Raises
-    ------
-    UnknownFunctionError
-        The model has no degree of freedom.
-    """
-    _check(w)
+    """The Hessian of ``weights . udot`` times directions: the change of its gradient along them."""
     dudot, weights, virtual, change = w.of("dudot", "b", "udot", "dudot")
     virtual, change = virtual.called("virtual_motion"), change.called("dudot_bar")
     right = weights.tangent("b")
@@ -55,13 +51,13 @@ def hessian_products(w: Shared) -> Procedure:
             *w.solved,
             Own(virtual),
             Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
-            *parts.weights(virtual),
+            *parts.weights((), (virtual,)),
             Own(found),
             Bind(dudot, found),
             w.balance,
             Own(change),
             Zero(change),
-            parts.tangents,
+            parts.mass_tangents,
             Own(right),
             Combine(right, (), (change,)),
             Own(dforce),
@@ -82,24 +78,59 @@ def hessian_products(w: Shared) -> Procedure:
     )
 
 
-def _check(w: Shared) -> None:
-    """Raise the error of a model without such products."""
-    if not w.system.model.nu:
-        raise UnknownFunctionError(
-            f"functions: {HESSIAN_PRODUCTS} needs a degree of freedom, and this model has none; leave it out"
-        )
+def inverse_dynamics_products(w: Shared) -> Procedure:
+    """The Hessian of ``weights . force`` of the inverse dynamics times directions: the change of its gradient along them."""
+    weights, force, dudot = w.of("force_weights", "force", "dudot")
+    parts = _Parts(w, "tree_motion", "_at_udot")
+    change = dudot.called("dforce_bar")
+    gradient = tuple(w.one(f"dg{n}") for n in ("q", "u", "udot", *w.rest))
+    into = dudot.called("dudot_bar")
+    steps: tuple[Step, ...] = (
+        w.start,
+        *w.forces,
+        *w.applied,
+        Own(force),
+        *run("tree_motion", "missing_forces"),
+        *parts.weights((weights,)),
+        parts.adjoints,
+        *(f.tangents() for f in parts.formulas),
+        Own(change),
+        Zero(change),
+        parts.tangents,
+        Bind(into, w.one("dgudot")),
+        *map(Zero, (*(g for g in gradient if g.name != "dgudot"), into)),
+        *parts.adjoint_tangents(),
+    )
+    return Procedure(
+        INVERSE_DYNAMICS_PRODUCTS,
+        "Products of the Hessian of force_weights . force of the inverse dynamics with directions: the change of its gradient.",
+        (*w.of("q", "u", "udot", *w.rest), weights),
+        gradient,
+        steps,
+        tuple(a.tangent() for a in w.of("q", "u", "udot", *w.rest)),
+        OTHER_WIDTHS,
+    )
 
 
 class _Parts:
-    """The routines of `hessian_products`: adjoints, and tangents of both values and adjoints."""
+    """Routines for trees: adjoints of the inverse dynamics, and tangents of both values and adjoints.
 
-    def __init__(self, w: Shared):
-        self.w = w
+    Parameters
+    ----------
+    w : Shared
+    motion : str
+        The sweep that computes accelerations: those of the forward dynamics, or from given udot.
+    of : str
+        Appended to the names of the routines.
+    """
+
+    def __init__(self, w: Shared, motion: str = "found_motion", of: str = ""):
+        self.w, self.of = w, of
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [
             *(["rotations"] if quaternions else []),
             *(["pose", "velocities", "clear", "loads"] if w.elements else []),
-            "found_motion",
+            motion,
             "missing_forces",
         ]
         self.formulas = [*w.motions, *w.forces, *w.coefficients]
@@ -110,17 +141,30 @@ class _Parts:
         (target,) = formulas.targets
         return Array(f"{target}_bar", (), self.w.system.arrays.get(target) or self.w.one(target).size)
 
-    def weights(self, virtual: Array) -> list[Step]:
+    def weights(self, plus: tuple[Array, ...], minus: tuple[Array, ...] = ()) -> list[Step]:
         """The adjoints of missing joint forces, and zeros to which blocks add adjoints of formulas."""
         bar = self.w.one("force").called("force_bar")
         return [
             Own(bar),
-            Combine(bar, (), (virtual,)),
+            Combine(bar, plus, minus),
             *(step for a in self.bars for step in (Own(a), Zero(a))),
         ]
 
     @property
+    def adjoints(self) -> Step:
+        """Adjoints of the inverse dynamics."""
+        back = (Run(adjoint_name(s)) for s in reversed(self.sweeps))
+        return performed(f"adjoints{self.of}", "Adjoints of the inverse dynamics.", (Prepare(ADJOINT_VALUES), *back))
+
+    @property
     def tangents(self) -> Step:
+        """Tangents of the inverse dynamics."""
+        along = (Run(along_name(s), True) for s in self.sweeps)
+        steps: tuple[Step, ...] = (Prepare(ADJOINT_TANGENTS, True), *along)
+        return performed(f"tangents{self.of}", "Tangents of the inverse dynamics.", steps)
+
+    @property
+    def mass_tangents(self) -> Step:
         """Tangents of the inverse dynamics, its adjoints, and tangents of ``M z`` at fixed z.
 
         The balance has stored the values of the inverse dynamics.
@@ -143,5 +187,38 @@ class _Parts:
         zero = [step for a in self.bars for step in (Own(a.tangent()), Zero(a.tangent()))]
         return [
             *zero,
-            performed("tangents_of_adjoints", "Tangents of the adjoints: the change of the gradient.", steps),
+            performed(f"tangents_of_adjoints{self.of}", "Tangents of the adjoints: the change of the gradient.", steps),
         ]
+
+
+def second_order(w: Shared, asked: Collection[str]) -> tuple[Procedure, ...]:
+    """The functions of this file that the model can have; these are included only on request.
+
+    Raises
+    ------
+    UnknownFunctionError
+        A function is in `asked` that the model cannot have.
+    """
+    found = []
+    for name, (needs, make) in SECOND_ORDER.items():
+        missing = needs(w)
+        if missing and name in asked:
+            raise UnknownFunctionError(f"functions: {name} needs {missing}; leave it out")
+        if not missing:
+            found.append(make(w))
+    return tuple(found)
+
+
+def _freedom(w: Shared) -> str:
+    return "" if w.system.model.nu else "a degree of freedom, and this model has none"
+
+
+def _tree(w: Shared) -> str:
+    return "a model without loops, and this model has loops" if w.loops else _freedom(w)
+
+
+SECOND_ORDER: Mapping[str, tuple[Callable[[Shared], str], Callable[[Shared], Procedure]]] = {
+    HESSIAN_PRODUCTS: (_freedom, hessian_products),
+    INVERSE_DYNAMICS_PRODUCTS: (_tree, inverse_dynamics_products),
+}
+"""For each function: what a model lacks for it, or "", and the procedure."""

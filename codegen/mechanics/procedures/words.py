@@ -31,8 +31,9 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "frames": ("18*nbodies",), "frame_accelerations": ("6*nbodies",),
     "point_places": ("3*npoints",),
     "masses": ("4",), "momenta": ("6",),
+    "force_weights": ("nu",), "energy_weights": ("2",), "output_weights": ("noutputs",),
     "modes": ("nswitches",), "switches": ("nswitches",),
-    "gq": ("nq",), "gu": ("nu",), "gp": ("np",), "ginputs": ("ninputs",), "gt": (),
+    "gq": ("nq",), "gu": ("nu",), "gudot": ("nu",), "gp": ("np",), "ginputs": ("ninputs",), "gt": (),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results, by the name of the array."""

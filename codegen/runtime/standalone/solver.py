@@ -27,7 +27,7 @@ from .motion.functionals import Functional, Judged
 from .motion.ode import Ode
 from .motion.run import Progress
 from .motion.settings import ATOL, METHOD, MOST_STEPS, RTOL, Settings, Start
-from .state.derivatives import Gradients, HessianProducts, Jacobians
+from .state.derivatives import Gradients, HessianProducts, InverseDynamicsProducts, Jacobians
 from .state.frame_motion import FrameMotion, PointMotion
 from .state.frames import Bodies, Frames, Points
 from .state.hessians import Hessians
@@ -976,7 +976,49 @@ class Solver(Package):
         >>> pendulum.hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0]).q.round(3)  # g sin(q)
         array([[4.703]])
         """
-        return self._hessians.products((q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
+        return self._hessians.products("accelerations", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
+
+    def inverse_dynamics_hessian_products(
+        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        weights: Numbers, dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None,
+        dinputs: Numbers = None, dt: Numbers = None, out: Any = None,
+    ) -> InverseDynamicsProducts:  # fmt: skip
+        """Return products of the Hessian of ``sum_i weights_i force_i`` with directions, exact to rounding.
+
+        The forces are those of `inverse_dynamics`. The function is generated on request, with ``--functions``, for
+        models without loops.
+
+        Parameters
+        ----------
+        q, u, udot : array_like (..., nq), (..., nu), (..., nu)
+            Coordinates, speeds and their derivatives, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+        weights : array_like (..., nu)
+            Weights of the entries of the force.
+        dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed.
+        out : tuple of ndarray, optional
+            Arrays for the six results.
+
+        Returns
+        -------
+        InverseDynamicsProducts
+            `q` (k, ..., nq), `u`, `udot`, `p`, `inputs` and `t` (k, ...).
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> products = pendulum.inverse_dynamics_hessian_products([0.5], [0.0], [0.0], weights=[1.0], dq=[1.0])
+        >>> products.q.round(3)  # -m g l sin(q)
+        array([[-4.703]])
+        """
+        given, seeds = (q, u, p, inputs, t, udot, weights), (dq, du, dp, dinputs, dt, dudot)
+        return self._hessians.of_inverse_dynamics(given, seeds, out)
 
     def hessians(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
@@ -1014,7 +1056,7 @@ class Solver(Package):
         array([[4.703, 0.   ],
                [0.   , 0.   ]])
         """
-        return self._hessians.matrix((q, u, p, inputs, t, weights), wrt)
+        return self._hessians.matrix("accelerations", (q, u, p, inputs, t, weights), wrt)
 
     @functools.cached_property
     def _hessians(self) -> Hessians:

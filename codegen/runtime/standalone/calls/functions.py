@@ -9,7 +9,7 @@ from typing import Any
 
 from ..arrays import Array, Shape
 
-ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
+ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b", "force_weights", "energy_weights", "output_weights")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
 """Arguments and seeds, in the order of their pointers in ``NAME_calls.c``; `t` is passed by value."""
 
@@ -25,6 +25,9 @@ TAKES = {
     "solve_mass": ("q", "p", "inputs", "t", "b"),
     "inverse_dynamics": (*STATE, "udot"),
     "hessian_products": (*STATE, "b"),
+    "inverse_dynamics_hessian_products": (*STATE, "udot", "force_weights"),
+    "energy_hessian_products": (*STATE, "energy_weights"),
+    "output_hessian_products": (*STATE, "output_weights"),
     "initial": ("p",),
     "point_place": ("p",),
     "newton_step": ("q", "p", "inputs", "t"),
@@ -98,7 +101,8 @@ MADE_OF = {
     **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
     **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
-    "initial_sensitivities": ("assemble_sensitivities", *CLOSING), "hessians": ("hessian_products",),
+    "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
+    "hessians": ("hessian_products",),
 }  # fmt: skip
 """Methods, each with the generated functions of other names that it calls."""
 
@@ -108,7 +112,8 @@ SOMETIMES = (
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "hessian_products", "hessians", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "assemble_gradients", "hessian_products", "hessians", "inverse_dynamics_hessian_products",
+    "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that a package may lack."""
@@ -215,7 +220,8 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,), "weights": (nu,),
-        "gq": (nq,), "gu": (nu,), "gp": (n_p,), "ginputs": (ninputs,), "gt": (),
+        "force_weights": (nu,), "energy_weights": (2,), "output_weights": (noutputs,),
+        "gq": (nq,), "gu": (nu,), "gudot": (nu,), "gp": (n_p,), "ginputs": (ninputs,), "gt": (),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
         "inverse_M": (nu, nu),
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
@@ -230,7 +236,8 @@ def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     """Names of the entries of arguments and results that may be given by name."""
     q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
     return {
-        "q": q, "u": u, "udot": u, "b": u, "weights": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+        "q": q, "u": u, "udot": u, "b": u, "weights": u, "force_weights": u, "output_weights": tuple(manifest["output_names"]),
+        "energy_weights": ("kinetic", "potential"), "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
         "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
     }  # fmt: skip
 
@@ -250,7 +257,8 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
     of = name.removesuffix("_transposed").removesuffix("_sensitivities")
     takes = TAKES.get(of) or TAKES.get(of.removesuffix("s"), STATE)
     order = (*STATE, *(n for n in takes if n not in STATE))
-    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in order if seeds and (n, name) != ("b", "hessian_products"))
+    of_seeds = order[:-1] if name.endswith("hessian_products") else order
+    directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in of_seeds if seeds)
     return Function(
         name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions
     )  # fmt: skip

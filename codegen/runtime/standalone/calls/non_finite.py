@@ -44,7 +44,7 @@ def warn_of_infinite(opened: Opened, task: Task) -> None:
         elif {"q", "u"} <= set(alone):
             reason = culprit(opened, alone, along, moved=not f.name.startswith("energ"))
         where = f" in state {list(at)} of the batch" if batch else ""
-        name = name.removeprefix("dg") if f.name == "hessian_products" else name
+        name = name.removeprefix("dg") if f.name.endswith("hessian_products") else name
         warn(f"{opened.package['name']}: {name} of {f.name} is not finite{where}{reason and f': {reason}'}")
         return
 

@@ -411,8 +411,9 @@ class Package:
         if name in ("reactions", "reaction_sensitivities"):
             among = ", or add it to --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
-        if name in ("hessian_products", "hessians"):
-            return f"{self.name} was generated without hessian_products: add it to --functions"
+        if name == "hessians" or name.endswith("hessian_products"):
+            asked = "hessian_products" if name == "hessians" else name
+            return f"{self.name} was generated without {asked}: add it to --functions"
         if name.startswith(("frame", "point", "picture", "view")):
             return f"{self.name} was generated without {name}: generate it with --frames"
         left_out, needed = self._manifest.get("left_out", ()), (name, *MADE_OF.get(name, ()))

@@ -167,5 +167,67 @@ class HessianProducts(NamedTuple):
         return html_of([repr(self)], ("by", "shape", "largest"), shapes_of(self._asdict().items()))
 
 
-HESSIAN_PRODUCTS = Wanted("hessian_products", [f"dg{n}" for n in JACOBIANS])
-"""Changes of the gradients with respect to all arguments, including those that are zero in every state."""
+class InverseDynamicsProducts(NamedTuple):
+    """Products of a Hessian of the inverse dynamics with k directions: the changes of the gradient by every argument.
+
+    Attributes
+    ----------
+    q : ndarray (k, ..., nq)
+        By the coordinates.
+    u : ndarray (k, ..., nu)
+        By the speeds.
+    udot : ndarray (k, ..., nu)
+        By the derivatives of the speeds.
+    p : ndarray (k, ..., np)
+        By the design parameters.
+    inputs : ndarray (k, ..., ninputs)
+        By the inputs.
+    t : ndarray (k, ...)
+        By time.
+    """
+
+    q: Array
+    u: Array
+    udot: Array
+    p: Array
+    inputs: Array
+    t: Array
+
+    def __repr__(self) -> str:
+        return (
+            f"<InverseDynamicsProducts along {np.shape(self.q)[0]} directions: {shapes_text(self._asdict().items())}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return html_of([repr(self)], ("by", "shape", "largest"), shapes_of(self._asdict().items()))
+
+
+@dataclass(frozen=True, slots=True)
+class Curved:
+    """A function with second derivatives.
+
+    Attributes
+    ----------
+    wanted : Wanted
+        Changes of the gradients with respect to all arguments, including those that are zero in every state.
+    weights : str
+        The argument of the generated function that holds the weights of its results.
+    """
+
+    wanted: Wanted
+    weights: str
+
+
+def _curved(name: str, weights: str, by: Iterable[str] = JACOBIANS) -> Curved:
+    return Curved(Wanted(name, [f"dg{n}" for n in by]), weights)
+
+
+CURVED = {
+    "accelerations": _curved("hessian_products", "b"),
+    "outputs": _curved("output_hessian_products", "output_weights"),
+    "energies": _curved("energy_hessian_products", "energy_weights"),
+    "inverse_dynamics": _curved(
+        "inverse_dynamics_hessian_products", "force_weights", ("q", "u", "udot", "p", "inputs", "t")
+    ),
+}
+"""Functions with second derivatives, by the method that computes their values."""

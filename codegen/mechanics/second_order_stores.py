@@ -1,0 +1,172 @@
+"""The stores of tangents, of adjoints and of tangents of adjoints, for second derivatives (`second_order`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..program.block import Component
+from ..program.store import Memory, Store
+from .stores import (
+    ACCELERATION_GAP,
+    ACCELERATION_GAP_BAR,
+    ADJOINT,
+    ADJOINT_LANE,
+    CE_DGP,
+    CE_DP,
+    CE_GP,
+    CL_DGP,
+    CL_DP,
+    CL_GP,
+    COEFFICIENT,
+    COEFFICIENT_BAR,
+    COORDINATE_FORCE,
+    COORDINATES,
+    DACCELERATION_GAP,
+    DACCELERATION_GAP_BAR,
+    DCOEFFICIENT,
+    DCOEFFICIENT_BAR,
+    DCOORDINATE_FORCE,
+    DDRIVE,
+    DDRIVE_BAR,
+    DFORCE,
+    DFORCE_BAR,
+    DGAP,
+    DGAP_BAR,
+    DGP,
+    DGQ,
+    DGU,
+    DMOTION,
+    DMOTION_BAR,
+    DMULTIPLIER,
+    DMULTIPLIER_BAR,
+    DP,
+    DQ,
+    DRATE_GAP,
+    DRATE_GAP_BAR,
+    DRIVE,
+    DRIVE_BAR,
+    DTAU,
+    DTAU_BAR,
+    DU,
+    DUDOT,
+    DUDOT_BAR,
+    FORCE,
+    FORCE_BAR,
+    GAP,
+    GAP_BAR,
+    GP,
+    GQ,
+    GU,
+    MASS_LANE,
+    MOTION,
+    MOTION_BAR,
+    MULTIPLIER,
+    MULTIPLIER_BAR,
+    RATE_GAP,
+    RATE_GAP_BAR,
+    RECORD,
+    SPEEDS,
+    TANGENT,
+    TAU,
+    TAU_BAR,
+    UDOT,
+    UDOT_BAR,
+)
+
+TANGENTS = {
+    COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
+    FORCE: DFORCE, MULTIPLIER: DMULTIPLIER, GAP: DGAP, RATE_GAP: DRATE_GAP, ACCELERATION_GAP: DACCELERATION_GAP,
+    COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ,
+}  # fmt: skip
+"""The tangents of arguments, results and formulas."""
+
+ADJOINTS = {
+    DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
+    DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
+    DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
+}  # fmt: skip
+"""The adjoints, by the tangents."""
+
+ADJOINT_TANGENTS = {
+    GQ: DGQ, GU: DGU, GP: DGP, CE_GP: CE_DGP, UDOT_BAR: DUDOT_BAR, TAU_BAR: DTAU_BAR, MOTION_BAR: DMOTION_BAR,
+    COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR, CL_GP: CL_DGP,
+    MULTIPLIER_BAR: DMULTIPLIER_BAR, GAP_BAR: DGAP_BAR, RATE_GAP_BAR: DRATE_GAP_BAR,
+    ACCELERATION_GAP_BAR: DACCELERATION_GAP_BAR,
+}  # fmt: skip
+"""The tangents of adjoints."""
+
+READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
+"""Adjoints that formulas read; gradients themselves are not computed."""
+
+READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
+"""Adjoints from which the multipliers of loops follow."""
+
+_PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
+_MADE: dict[tuple[Memory, Store], Store] = {}
+_BASE: dict[Store, Store] = {}
+"""The store of values to which each store in `_MADE` belongs."""
+
+
+def base_of(store: Store) -> Store:
+    """A store without its place."""
+    return _UNPLACED.get(store.name, store) if store.place is not None else store
+
+
+def _found(table: Mapping[Store, Store], store: Store) -> Store | None:
+    """The store that a table has for another one, at the same place."""
+    found = table.get(base_of(store))
+    return found if found is None or store.place is None else found[store.place]
+
+
+_UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s in (*table, *table.values())}
+
+
+def in_memory(memory: Memory, store: Store) -> Store:
+    """The store of another memory of the same owner."""
+    base = _BASE.get(store, store)
+    found = _MADE.get((memory, base))
+    if found is None:
+        found = _MADE[memory, base] = Store(f"{_PREFIX[memory]}{base.name}", base.owner, memory, place=base.place)
+        _BASE[found] = base
+    return found
+
+
+def tangent_of(store: Store, name: str) -> Component | None:
+    """The place of the tangent of a value."""
+    if store.memory is RECORD:
+        return in_memory(TANGENT, store), name
+    found = _found(TANGENTS, store)
+    return None if found is None else (found, name)
+
+
+def adjoint_of(store: Store) -> Store:
+    """The store of the adjoints of a store of tangents."""
+    if store.memory is TANGENT:
+        return in_memory(ADJOINT, store)
+    found = _found(ADJOINTS, store)
+    assert found is not None, store
+    return found
+
+
+def along_of_adjoint(store: Store) -> Store:
+    """The store of the tangents of the adjoints of a store of tangents."""
+    if store.memory is TANGENT:
+        return in_memory(ADJOINT_LANE, store)
+    found = _found(ADJOINT_TANGENTS, adjoint_of(store))
+    assert found is not None, store
+    return found
+
+
+def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
+    """The place of the tangent of a value or of an adjoint."""
+    if store.memory is ADJOINT:
+        return in_memory(memory, store), name
+    found = _found(ADJOINT_TANGENTS, store)
+    return tangent_of(store, name) if found is None else (found, name)
+
+
+def mass_tangent_of(store: Store, name: str) -> Component | None:
+    """The place of the tangent of ``M z`` at fixed z, in separate memory."""
+    if base_of(store) in (FORCE_BAR, ACCELERATION_GAP_BAR):
+        return None
+    return adjoint_tangent_of(store, name, MASS_LANE)
