@@ -17,10 +17,10 @@ HERE = Path(__file__).parent / "exporting" / "fmu"
 EXAMPLES = HERE.parents[2] / "examples"
 
 
-def model_file(name: str) -> Path:
-    """The file of a model of `tests/exporting/fmu`, or of an example."""
-    own = HERE / f"{name}.yaml"
-    return own if own.exists() else EXAMPLES / f"{name}.yaml"
+def model_file(name: str, folder: Path = HERE) -> Path:
+    """The file of a model of a folder, of `tests/exporting/fmu`, or of an example."""
+    found = (place / f"{name}.yaml" for place in (folder, HERE, EXAMPLES))
+    return next(file for file in found if file.exists())
 
 
 class Unit:
@@ -29,14 +29,14 @@ class Unit:
     Parameters
     ----------
     name : str
-        Model of `tests/exporting/fmu`, or example.
+        Model of the folder, of `tests/exporting/fmu`, or example.
     folder : Path
     version : {"3.0", "2.0"}
     """
 
     def __init__(self, name: str, folder: Path, version: str, **options: Any) -> None:
         self.file = folder / f"{name}_{version}.fmu"
-        self.exported = codegen.export_fmu(model_file(name), self.file, fmi=version, **options)
+        self.exported = codegen.export_fmu(model_file(name, folder), self.file, fmi=version, **options)
         self.folder = extract(str(self.file), str(folder / f"{name}_{version}"))
         self.description = read_model_description(str(self.file))
         self.version = version
@@ -65,15 +65,20 @@ class Unit:
             of.instantiate()
         return of
 
-    def started(self, integrates: bool = False, t: float = 0.0, **values: float) -> Any:
-        """An instance after initialisation, with values of parameters, inputs and initial states."""
+    def initializing(self, integrates: bool = False, t: float = 0.0, times: Any = None, **values: float) -> Any:
+        """An instance in initialization mode; `times` may have a `tolerance` and a `stopTime`."""
         of = self.instance(integrates)
         self.set(of, values)
         if self.version == "2.0":
-            of.setupExperiment(startTime=t)
+            of.setupExperiment(startTime=t, **times or {})
             of.enterInitializationMode()
         else:
-            of.enterInitializationMode(startTime=t)
+            of.enterInitializationMode(startTime=t, **times or {})
+        return of
+
+    def started(self, integrates: bool = False, t: float = 0.0, times: Any = None, **values: float) -> Any:
+        """An instance after initialisation, with values of parameters, inputs and initial states."""
+        of = self.initializing(integrates, t, times, **values)
         of.exitInitializationMode()
         return of
 
@@ -98,5 +103,5 @@ def solver_of(name: str, folder: Path, functions: str) -> Any:
     """A solver of the same model."""
     path = folder / f"{name}_solver"
     shutil.rmtree(path, ignore_errors=True)
-    codegen.generate(model_file(name), path, functions=functions, check=False)
+    codegen.generate(model_file(name, folder), path, functions=functions, check=False)
     return codegen.load(path)

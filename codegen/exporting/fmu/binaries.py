@@ -49,6 +49,10 @@ PLATFORMS = {
 }
 
 
+LINKED = {".so": ("-lm", "-Wl,-z,defs"), ".dylib": ("-lm",)}
+"""Flags of the linker by ending; it refuses libraries in which a function is missing."""
+
+
 class PlatformError(ValueError):
     """Raised for platforms that are unknown, or for which a version of the standard has no binaries."""
 
@@ -99,8 +103,8 @@ def compiled(texts: Mapping[str, str], name: str, platforms: Sequence[str], vers
             about = PLATFORMS[of]
             library = f"{name}{about.ending}"
             flags = [*(flag for flag in optimization() if flag != NATIVE), *FLAGS]
-            command = [*_compiler(of), *flags, *sorted(f for f in texts if f.endswith(".c")), "-I.", "-o", library]
-            _run(command if about.ending == ".dll" else [*command, "-lm"], folder, of)
+            files = sorted(f for f in texts if f.endswith(".c"))
+            _run([*_compiler(of), *flags, *files, "-I.", "-o", library, *LINKED.get(about.ending, ())], folder, of)
             found[f"binaries/{about.folders[version]}/{library}"] = (folder / library).read_bytes()
     return found
 

@@ -1,6 +1,7 @@
 /* The functions of FMI 2.0 for one model, all on units. Declarations follow the standard, whose header files are not needed. */
 #include "unit.h"
 
+#include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -88,8 +89,7 @@ EXPORT status FMI(fmi2SetupExperiment)(instance of, boolean tolerance_defined, d
     double stop)
 {
     BEGIN("fmi2SetupExperiment", ONLY(INSTANTIATED));
-    (void)stop_defined, (void)stop;
-    const int found = unit_start(x, start, tolerance_defined ? tolerance : 0.0);
+    const int found = unit_start(x, start, tolerance_defined ? tolerance : x->model->rtol, stop_defined ? stop : INFINITY);
     *x->mode = INSTANTIATED;
     return found;
 }
@@ -177,7 +177,7 @@ EXPORT status FMI(fmi2SerializedFMUstateSize)(instance of, void *state, size_t *
 {
     BEGIN("fmi2SerializedFMUstateSize", ANY);
     (void)state;
-    *size = unit_saved_bytes(x);
+    *size = unit_serialized_bytes(x);
     return UNIT_OK;
 }
 

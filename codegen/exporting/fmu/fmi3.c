@@ -1,6 +1,7 @@
 /* The functions of FMI 3.0 for one model, all on units. Declarations follow the standard, whose header files are not needed. */
 #include "unit.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -99,8 +100,7 @@ EXPORT status FMI(fmi3EnterInitializationMode)(instance of, bool tolerance_defin
     double stop)
 {
     BEGIN("fmi3EnterInitializationMode", ONLY(INSTANTIATED));
-    (void)stop_defined, (void)stop;
-    return unit_start(x, start, tolerance_defined ? tolerance : 0.0);
+    return unit_start(x, start, tolerance_defined ? tolerance : x->model->rtol, stop_defined ? stop : INFINITY);
 }
 
 EXPORT status FMI(fmi3ExitInitializationMode)(instance of)
@@ -240,7 +240,7 @@ EXPORT status FMI(fmi3SerializedFMUStateSize)(instance of, void *state, size_t *
 {
     BEGIN("fmi3SerializedFMUStateSize", ANY);
     (void)state;
-    *size = unit_saved_bytes(x);
+    *size = unit_serialized_bytes(x);
     return UNIT_OK;
 }
 

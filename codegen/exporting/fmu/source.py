@@ -14,8 +14,15 @@ from ...runtime.standalone.motion.switches import switch_words
 from ...version import __version__
 from .variables import Variable, indicators
 
-ADJOINT = ("backwards.c", "transposes.c", "explicit_backwards.c", "radau_backwards.c", "switches_backwards.c")
-"""Files of the integrator for adjoints of motions, which no function of the standard needs."""
+LEFT_OUT = (
+    "curvature.c",
+    "backwards.c",
+    "transposes.c",
+    "explicit_backwards.c",
+    "radau_backwards.c",
+    "switches_backwards.c",
+)
+"""Files of the integrator for Hessians and adjoints of motions, which no function of the standard needs."""
 
 OF_VERSION = {"3.0": "fmi3.c", "2.0": "fmi2.c"}
 
@@ -31,10 +38,10 @@ def sources(
         for file in (f"{name}.c", f"{name}.h", f"{name}_directions.h", f"{name}_motion.c")
         if file in files
     }
-    motion = {file: text for file, text in motion_files().items() if file.rpartition("/")[2] not in ADJOINT}
+    motion = {file: text for file, text in motion_files().items() if file.rpartition("/")[2] not in LEFT_OUT}
     here = Path(__file__).parent
     wanted = ("unit.c", "unit.h", "unit_state.c", "unit_derivatives.c", OF_VERSION[version])
-    of_unit = {file: (here / file).read_text(encoding="utf-8") for file in wanted}
+    of_unit = {f"unit/{file}": (here / file).read_text(encoding="utf-8") for file in wanted}
     return own | motion | of_unit | {f"{name}_fmu.c": _contents(model, manifest, found, method, rtol, initial)}
 
 
@@ -43,6 +50,13 @@ def with_token(texts: Mapping[str, str], name: str, token: str) -> dict[str, str
     file = f"{name}_fmu.c"
     return {**texts, file: texts[file].replace(TOKEN, token)}
 
+
+INITIAL = (
+    "int {}_initial(const double *p, double *q, double *u, double *work);",
+    "int {}_initial_sensitivities_1(const double *p, const double *dp, double *q, double *u, double *dq, double *du,",
+    "    double *work);",
+)  # fmt: skip
+"""Declarations of the functions of initial values that are expressions of parameters."""
 
 TOKEN = "TOKEN"
 """Place of the token, a digest of all files."""
@@ -66,13 +80,15 @@ def _contents(
     computed = "initial" in manifest["functions"]
     members = {
         "token": f'"{TOKEN}"', "system": f"&{model.name}_system", "q": "initial_q", "u": "initial_u", "p": "parameters",
-        "initial": f"{model.name}_initial" if computed else "0", "variables": "variables", "singular": "singular",
+        "initial": f"{model.name}_initial" if computed else "0",
+        "initial_along": f"{model.name}_initial_sensitivities_1" if computed else "0",
+        "at_rest": str(int(model.initial_at_rest)), "variables": "variables", "singular": "singular",
         "switches": "switches", "nindicators": str(len(indicators(model, manifest))), "method": str(METHODS.index(method)),
         "moved": str(int("t" in manifest["functions"].get("closing_step", {"arguments": ()})["arguments"])), "rtol": repr(rtol),
     }  # fmt: skip
     context = {
         "name": model.name, "version": __version__, "tables": tables,
-        "declarations": [f"int {model.name}_initial(const double *p, double *q, double *u, double *work);"] * computed,
+        "declarations": [line.format(model.name) for line in INITIAL * computed],
         "members": [f".{member} = {value}" for member, value in members.items()],
     }  # fmt: skip
     return render("export/fmu.c.jinja", context)

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,12 @@ enum { LONGEST_TEXT = 1024, MOST_STEPS_OF_A_STEP = 1000000 };
 
 /* Relative difference between the importer's communication point and the instance's time. */
 static const scalar SAME_TIME = 1e-9;
+
+/* Step, relative to the time, below which rounding errors of the time stop the integrator. */
+static const scalar SMALLEST_STEP = 1e-12;
+
+/* Smallest relative tolerance of the integrator; smaller errors would be below rounding. */
+static const scalar SMALLEST_TOLERANCE = 1e-14;
 
 /* Logs a message, and returns its status. */
 int unit_say(unit *x, int status, const char *format, ...)
@@ -33,7 +40,7 @@ static long lay_out(unit *x, scalar *at)
 {
     const long nq = x->nq, nu = x->nu, np = x->np, ni = x->ni, ny = x->ny, ns = x->ns, ways = 1 + x->nfq + np + ni;
     struct { scalar **to; long n; } parts[] = {
-        {&x->mode, 1}, {&x->t, 1}, {&x->step, 1}, {&x->rtol, 1}, {&x->closed, 1}, {&x->given, x->nfq + x->nfu}, {&x->q, nq}, {&x->u, nu}, {&x->p, np},
+        {&x->mode, 1}, {&x->t, 1}, {&x->stop, 1}, {&x->step, 1}, {&x->rtol, 1}, {&x->closed, 1}, {&x->given, x->nfq + x->nfu}, {&x->q, nq}, {&x->u, nu}, {&x->p, np},
         {&x->inputs, ni}, {&x->modes, ns}, {&x->known, ways}, {0, 0}, /* the saved part ends here */
         {&x->qdot, nq}, {&x->udot, nu}, {&x->outputs, ny}, {&x->switches, ns}, {&x->way, ways}, {&x->near, nq},
         {&x->dq, nq}, {&x->du, nu}, {&x->dp, np}, {&x->di, ni}, {&x->dt, 1}, {&x->dqdot, nq}, {&x->dudot, nu}, {&x->doutputs, ny},
@@ -95,31 +102,47 @@ void unit_free(unit *x)
     free(x);
 }
 
+/* Length of the polynomials of inputs of prescribed motion: at least h, and not so short that differences of control points cancel. */
+static scalar length_of_inputs(const unit *x, scalar h)
+{
+    const ordernm_system *const s = x->system;
+    const int n = ordernm_signals(s);
+    scalar length = 1.0;
+    for (int k = 0; k < s->nmoving; ++k) {
+        const scalar size = 1.0 + fabs(x->inputs[s->moving[k]]);
+        const scalar rate = fabs(x->inputs[n + 2*k]), acceleration = fabs(x->inputs[n + 2*k + 1]);
+        length = fmin(length, size/(rate + sqrt(size*acceleration) + size));
+    }
+    return fmax(h, length);
+}
+
 /* Polynomials that continue inputs of prescribed motion by their rates and accelerations from t to t + h; other inputs are constant. */
 static void continue_inputs(unit *x, scalar t, scalar h)
 {
     const ordernm_system *const s = x->system;
     const int n = ordernm_signals(s);
     if (!s->nmoving) return;
-    for (int i = 0; i < 6; ++i) x->knots[i] = i < 3 ? t : t + h;
+    const scalar length = length_of_inputs(x, h);
+    for (int i = 0; i < 6; ++i) x->knots[i] = i < 3 ? t : t + length;
     for (int i = 0; i < n; ++i)
         for (int k = 0; k < 3; ++k) x->points[k*n + i] = x->inputs[i];
     for (int k = 0; k < s->nmoving; ++k) {
         const int i = s->moving[k];
         const scalar rate = x->inputs[n + 2*k], acceleration = x->inputs[n + 2*k + 1];
-        x->points[n + i] += 0.5*h*rate;
-        x->points[2*n + i] += h*rate + 0.5*h*h*acceleration;
+        x->points[n + i] += 0.5*length*rate;
+        x->points[2*n + i] += length*rate + 0.5*length*length*acceleration;
     }
 }
 
-/* Inputs of prescribed motion, and their rates, at the end of their polynomials. */
-static void end_inputs(unit *x, scalar h)
+/* Inputs of prescribed motion, and their rates, on their polynomials after a time h. */
+static void move_inputs(unit *x, scalar h)
 {
     const ordernm_system *const s = x->system;
     const int n = ordernm_signals(s);
     for (int k = 0; k < s->nmoving; ++k) {
-        x->inputs[s->moving[k]] = x->points[2*n + s->moving[k]];
-        x->inputs[n + 2*k] += h*x->inputs[n + 2*k + 1];
+        scalar *const rates = x->inputs + n + 2*k;
+        x->inputs[s->moving[k]] += h*rates[0] + 0.5*h*h*rates[1];
+        rates[0] += h*rates[1];
     }
 }
 
@@ -140,7 +163,7 @@ static void begin(unit *x, scalar t, scalar h)
 void unit_reset(unit *x)
 {
     memset(x->mode, 0, x->saved*sizeof(scalar));
-    *x->rtol = x->model->rtol;
+    *x->rtol = x->model->rtol, *x->stop = INFINITY;
     memcpy(x->q, x->model->q, x->nq*sizeof(scalar));
     memcpy(x->u, x->model->u, x->nu*sizeof(scalar));
     if (x->np) memcpy(x->p, x->model->p, x->np*sizeof(scalar));
@@ -191,6 +214,15 @@ int unit_in(unit *x, const char *call, unsigned modes)
     return unit_say(x, UNIT_ERROR, "%s must not be called in the state %s", call, names[mode]);
 }
 
+/* A function that changes its sign at an event. The mode of an angle is held up to half a turn. */
+static scalar indicator(unit *x, int i)
+{
+    const int k = x->motion->held[i];
+    if (x->system->switch_kind[k] != ORDERNM_TURN) return x->switches[k];
+    x->motion->switches[k] = x->switches[k];
+    return ordernm_side(x->motion, k);
+}
+
 int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
 {
     const ordernm_system *const s = x->system;
@@ -202,9 +234,8 @@ int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
             const int status = unit_update(x);
             if (status) return status;
         }
-        const int held = kind == OF_SWITCH ? x->motion->held[k] : 0;
         values[i] = kind == OF_TIME ? *x->t : kind == OF_Q ? x->q[k] : kind == OF_U ? x->u[k] : kind == OF_PARAMETER ? x->p[k]
-                    : kind == OF_INPUT ? x->inputs[k] : kind == OF_OUTPUT ? x->outputs[k] : kind == OF_SWITCH ? x->switches[held]
+                    : kind == OF_INPUT ? x->inputs[k] : kind == OF_OUTPUT ? x->outputs[k] : kind == OF_SWITCH ? indicator(x, k)
                     : k < x->nfq ? x->qdot[s->free_q[k]] : x->udot[s->free_u[k - x->nfq]];
     }
     return UNIT_OK;
@@ -288,31 +319,35 @@ int unit_get_rates(unit *x, scalar *rates, size_t n)
     return UNIT_OK;
 }
 
-/* Functions that change their sign at an event. The mode of an angle is held up to half a turn. */
 int unit_get_indicators(unit *x, scalar *values, size_t n)
 {
     const size_t wanted = (size_t)x->model->nindicators;
     if (n != wanted) return unit_say(x, UNIT_ERROR, "an array has %zu entries, expected %zu, one for each event indicator", n, wanted);
     const int status = unit_update(x);
     if (status) return status;
-    for (size_t i = 0; i < n; ++i) {
-        const int k = x->motion->held[i];
-        values[i] = x->switches[k];
-        if (x->system->switch_kind[k] != ORDERNM_TURN) continue;
-        x->motion->switches[k] = x->switches[k];
-        values[i] = ordernm_side(x->motion, k);
-    }
+    for (size_t i = 0; i < n; ++i) values[i] = indicator(x, (int)i);
     return UNIT_OK;
 }
 
 /* ---- Initialisation and events. ---- */
 
-int unit_start(unit *x, scalar t, scalar tolerance)
+int unit_start(unit *x, scalar t, scalar tolerance, scalar stop)
 {
     if (unit_set_time(x, t)) return UNIT_ERROR;
-    if (tolerance > 0.0 && isfinite(tolerance)) *x->rtol = tolerance;
+    if (!(stop >= t)) return unit_say(x, UNIT_ERROR, "the stop time is %g s, expected a time after the start at %g s", stop, t);
+    *x->stop = stop, *x->rtol = tolerance;
     *x->mode = INITIALIZING;
-    return UNIT_OK;
+    if (tolerance >= SMALLEST_TOLERANCE && isfinite(tolerance)) return UNIT_OK;
+    *x->rtol = tolerance > 0.0 && tolerance < SMALLEST_TOLERANCE ? SMALLEST_TOLERANCE : x->model->rtol;
+    return unit_say(x, UNIT_WARNING, "the tolerance is %g, expected %g or more; %g is used instead", tolerance, SMALLEST_TOLERANCE, *x->rtol);
+}
+
+/* Whether the initial state should follow parameters that the importer has changed, but does not. */
+static int is_old_equilibrium(const unit *x)
+{
+    int missing = 0;
+    for (int i = 0; i < x->nfq; ++i) missing |= x->given[i] == 0.0;
+    return x->model->at_rest && missing && memcmp(x->p, x->model->p, x->np*sizeof(scalar)) != 0;
 }
 
 /* Ends initialisation: quaternions are normalised, loops are closed. */
@@ -330,7 +365,9 @@ int unit_started(unit *x)
     if (status) return status;
     begin(x, *x->t, 1.0);
     *x->mode = x->integrates ? STEP_MODE : EVENT_MODE;
-    return UNIT_OK;
+    if (!is_old_equilibrium(x)) return UNIT_OK;
+    return unit_say(x, UNIT_WARNING, "the motion starts in the equilibrium of the default parameters, but other parameters are set: it does "
+                    "not start at rest, unless you set the coordinates of their equilibrium");
 }
 
 /* Event Mode: the modes of switches become those of the state. */
@@ -376,70 +413,108 @@ static int why_it_ended(unit *x, int reason)
     return unit_say(x, UNIT_ERROR, "the motion ends at t = %.9g s: %s", r->t, text);
 }
 
-/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials; other inputs are
- * constant. */
-int unit_step(unit *x, scalar t, scalar h)
+/* Integrates to the end of a step. */
+static int integrate(unit *x, scalar h)
 {
-    if (!(h > 0.0) || !isfinite(h)) return unit_say(x, UNIT_ERROR, "the communication step size is %g s, expected a positive number", h);
-    if (!(fabs(t - *x->t) <= SAME_TIME*(1.0 + fabs(t))))
-        return unit_say(x, UNIT_ERROR, "the communication point is %.17g s, but the instance is at %.17g s", t, *x->t);
-    int status = unit_update(x);
-    if (status) return status;
-    begin(x, *x->t, t + h - *x->t);
-    x->problem.end = t + h;
     int reason;
     do reason = ordernm_go(x->motion, &x->results, AT_ANY_TIME);
     while (reason == ORDERNM_PAUSED);
     if (reason != ORDERNM_ENDED) return why_it_ended(x, reason);
     ordernm_state(x->motion, x->q, x->u);
-    end_inputs(x, t + h - *x->t);
-    *x->t = t + h;
     *x->step = fmin(x->results.next_step, h) > 0.0 ? x->results.next_step : 0.0;
-    for (int i = 0; i < x->nfq; ++i) x->known[1 + i] = x->q[x->system->free_q[i]];
-    x->known[0] = *x->t;
+    return UNIT_OK;
+}
+
+/* A step along the tangent, which is exact to rounding if the step is short. */
+static void move_straight(unit *x, scalar h)
+{
+    const ordernm_system *const s = x->system;
+    for (int i = 0; i < x->nfq; ++i) x->q[s->free_q[i]] += h*x->qdot[s->free_q[i]];
+    for (int i = 0; i < x->nfu; ++i) x->u[s->free_u[i]] += h*x->udot[s->free_u[i]];
     unit_change(x);
+}
+
+/* A step of Co-Simulation from the communication point t. Inputs of prescribed motion follow their polynomials; other inputs are
+ * constant. */
+int unit_step(unit *x, scalar t, scalar h)
+{
+    const scalar end = t + h;
+    if (!(h > 0.0) || !isfinite(end)) return unit_say(x, UNIT_ERROR, "the communication step size is %g s, expected a positive number", h);
+    if (!(fabs(t - *x->t) <= SAME_TIME*(1.0 + fabs(t))))
+        return unit_say(x, UNIT_ERROR, "the communication point is %.17g s, but the instance is at %.17g s", t, *x->t);
+    if (end > *x->stop + SAME_TIME*(1.0 + fabs(end)))
+        return unit_say(x, UNIT_ERROR, "the step ends at %.9g s, after the stop time %.9g s of this simulation", end, *x->stop);
+    const int status = unit_update(x);
+    if (status || !(end > *x->t)) return status; /* a step within the difference of both times has no effect */
+    begin(x, *x->t, end - *x->t);
+    x->problem.end = end;
+    const int straight = end - *x->t <= SMALLEST_STEP*(1.0 + fabs(end));
+    if (straight) move_straight(x, end - *x->t);
+    else if (integrate(x, h)) return UNIT_ERROR;
+    move_inputs(x, end - *x->t);
+    *x->t = end;
+    if (!straight) unit_took_step(x);
     return unit_update(x);
 }
 
 /* ---- Saved states. ---- */
 
-size_t unit_saved_bytes(const unit *x) { return (size_t)x->saved*sizeof(scalar); }
+static size_t saved_bytes(const unit *x) { return (size_t)x->saved*sizeof(scalar); }
+
+/* A digest of the token and of a saved state, by which other bytes are refused (FNV-1a). */
+static uint64_t digest_of(const unit *x, const unsigned char *bytes)
+{
+    uint64_t found = 14695981039346656037u;
+    for (const char *at = x->model->token; *at; ++at) found = (found ^ (unsigned char)*at)*1099511628211u;
+    for (size_t i = 0; i < saved_bytes(x); ++i) found = (found ^ bytes[i])*1099511628211u;
+    return found;
+}
+
+size_t unit_serialized_bytes(const unit *x) { return sizeof(uint64_t) + saved_bytes(x); }
 
 /* Saves the state of an instance to *saved, which is allocated if it is null. */
 int unit_save(unit *x, void **saved)
 {
-    if (!*saved) *saved = malloc(unit_saved_bytes(x));
+    if (!*saved) *saved = malloc(saved_bytes(x));
     if (!*saved) return unit_say(x, UNIT_ERROR, "there is not enough memory");
-    memcpy(*saved, x->mode, unit_saved_bytes(x));
+    memcpy(*saved, x->mode, saved_bytes(x));
     return UNIT_OK;
 }
 
 int unit_restore(unit *x, const void *saved)
 {
     if (!saved) return unit_say(x, UNIT_ERROR, "the saved state is a null pointer");
-    memcpy(x->mode, saved, unit_saved_bytes(x));
+    const scalar mode = *(const scalar *)saved;
+    if (x->integrates ? mode == EVENT_MODE || mode == CONTINUOUS_TIME : mode == STEP_MODE)
+        return unit_say(x, UNIT_ERROR, "the saved state is that of an instance for %s, but this instance is for %s",
+            x->integrates ? "Model Exchange" : "Co-Simulation", x->integrates ? "Co-Simulation" : "Model Exchange");
+    memcpy(x->mode, saved, saved_bytes(x));
     x->computed = 0;
     return UNIT_OK;
 }
 
+/* Writes a digest and the saved state to `bytes`. */
 int unit_write(unit *x, const void *saved, unsigned char *bytes, size_t n)
 {
-    if (!saved || n < unit_saved_bytes(x))
-        return unit_say(x, UNIT_ERROR, "a serialized state has %zu bytes, expected %zu", n, unit_saved_bytes(x));
-    memcpy(bytes, saved, unit_saved_bytes(x));
+    if (!saved) return unit_say(x, UNIT_ERROR, "the saved state is a null pointer");
+    if (n < unit_serialized_bytes(x))
+        return unit_say(x, UNIT_ERROR, "there is room for %zu bytes, but a serialized state has %zu", n, unit_serialized_bytes(x));
+    const uint64_t digest = digest_of(x, saved);
+    memcpy(bytes, &digest, sizeof digest);
+    memcpy(bytes + sizeof digest, saved, saved_bytes(x));
     return UNIT_OK;
 }
 
 int unit_read(unit *x, const unsigned char *bytes, size_t n, void **saved)
 {
-    if (n != unit_saved_bytes(x))
-        return unit_say(x, UNIT_ERROR, "the serialized state has %zu bytes, expected %zu", n, unit_saved_bytes(x));
-    if (!*saved) *saved = malloc(n);
+    uint64_t digest;
+    if (n != unit_serialized_bytes(x))
+        return unit_say(x, UNIT_ERROR, "the serialized state has %zu bytes, expected %zu", n, unit_serialized_bytes(x));
+    memcpy(&digest, bytes, sizeof digest);
+    if (digest != digest_of(x, bytes + sizeof digest))
+        return unit_say(x, UNIT_ERROR, "these bytes are not a state that this FMU has serialized");
+    if (!*saved) *saved = malloc(saved_bytes(x));
     if (!*saved) return unit_say(x, UNIT_ERROR, "there is not enough memory");
-    memcpy(*saved, bytes, n);
-    const scalar mode = *(const scalar *)*saved;
-    if (mode >= INSTANTIATED && mode <= TERMINATED && mode == floor(mode)) return UNIT_OK;
-    free(*saved);
-    *saved = 0;
-    return unit_say(x, UNIT_ERROR, "these bytes are not a serialized state of this model");
+    memcpy(*saved, bytes + sizeof digest, saved_bytes(x));
+    return UNIT_OK;
 }

@@ -5,14 +5,16 @@
 #ifndef ORDERNM_UNIT_H
 #define ORDERNM_UNIT_H
 
-#include "motion/inside.h"
+#include "../motion/inside.h"
 
 /* Content of a model, in NAME_fmu.c. */
 typedef struct {
     const char *token;                /* the instantiation token of version 3.0, the GUID of version 2.0 */
     const ordernm_system *system;
     const scalar *q, *u, *p;          /* initial state with closed loops at the default parameters, and these parameters */
-    int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* the initial state of the model file, or 0 if it is constant */
+    int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* initial values of the model file; 0 if they are constant */
+    int (*initial_along)(const scalar *p, const scalar *dp, scalar *q, scalar *u, scalar *dq, scalar *du, scalar *work); /* derivatives */
+    int at_rest;                      /* the initial state is the equilibrium at the default parameters */
     const char *const *variables;     /* names by value reference */
     const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
     const char *const *switches;      /* descriptions of all switches */
@@ -42,7 +44,7 @@ struct unit {
     int nq, nu, np, ni, ny, ns, nfq, nfu; /* lengths */
     long saved;                       /* number of doubles of the state of the instance, which starts at `mode` */
     scalar *mode;                     /* INSTANTIATED, ... */
-    scalar *t, *step, *rtol;          /* time, size of the integrator's next step, its tolerance */
+    scalar *t, *stop, *step, *rtol;   /* time, its last value, size of the integrator's next step, its tolerance */
     scalar *closed;                   /* whether the loops are closed */
     scalar *given;                    /* [nfq + nfu] whether the importer has set an initial value */
     scalar *q, *u, *p, *inputs;       /* dependent entries of q and u are those of the last closed state */
@@ -68,7 +70,7 @@ int unit_say(unit *x, int status, const char *format, ...);
 int unit_of(const unit *x, unsigned variable, int *index);
 const char *unit_name(const unit *x, unsigned variable);
 int unit_in(unit *x, const char *call, unsigned modes);
-int unit_start(unit *x, scalar t, scalar tolerance);
+int unit_start(unit *x, scalar t, scalar tolerance, scalar stop);
 int unit_started(unit *x);
 int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values);
 int unit_set(unit *x, const unsigned *variables, size_t n, const scalar *values);
@@ -79,7 +81,7 @@ int unit_get_rates(unit *x, scalar *rates, size_t n);
 int unit_get_indicators(unit *x, scalar *values, size_t n);
 int unit_events(unit *x);
 int unit_step(unit *x, scalar t, scalar h);
-size_t unit_saved_bytes(const unit *x);
+size_t unit_serialized_bytes(const unit *x);
 int unit_save(unit *x, void **saved);
 int unit_restore(unit *x, const void *saved);
 int unit_read(unit *x, const unsigned char *bytes, size_t n, void **saved);
@@ -88,6 +90,7 @@ int unit_write(unit *x, const void *saved, unsigned char *bytes, size_t n);
 /* unit_state.c */
 void unit_change(unit *x);
 int unit_update(unit *x);
+void unit_took_step(unit *x);
 int unit_settle(unit *x);
 void unit_arguments(unit *x, ordernm_call *c);
 int unit_failed(unit *x, int status);

@@ -73,6 +73,19 @@ static scalar *unknown_of(const unit *x, unsigned variable)
     }
 }
 
+/* Adds to the seeds those of initial values that follow from the parameters until initialisation ends. Returns the status of a function. */
+static int seed_initial(unit *x)
+{
+    const ordernm_system *const s = x->system;
+    if (!x->model->initial_along || *x->mode > INITIALIZING) return 0;
+    const int status = x->model->initial_along(x->p, x->dp, x->near, x->dfull_u, x->dqdot, x->dudot, x->motion->work);
+    for (int i = 0; i < x->nfq; ++i)
+        if (x->given[i] == 0.0) x->dq[s->free_q[i]] += x->dqdot[s->free_q[i]];
+    for (int i = 0; i < x->nfu; ++i)
+        if (x->given[x->nfq + i] == 0.0) x->du[s->free_u[i]] += x->dudot[s->free_u[i]];
+    return status;
+}
+
 /* result = d unknowns/d knowns * seed. */
 int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
     scalar *result)
@@ -89,6 +102,7 @@ int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsign
         if (!to) return unit_say(x, UNIT_ERROR, NOT_KNOWN, unit_name(x, knowns[i]));
         *to += seed[i];
     }
+    if ((status = seed_initial(x))) return unit_failed(x, status);
     unit_arguments(x, &c);
     if ((status = differentiate(x, &c, kinds))) return unit_failed(x, status);
     for (size_t i = 0; i < nunknowns; ++i) result[i] = *unknown_of(x, unknowns[i]);
@@ -104,6 +118,23 @@ static int add(unit *x, ordernm_call *c, ordernm_function *function)
     const int status = function(c);
     for (int n = 0; n < 5; ++n)
         for (int i = 0; i < sizes[n]; ++i) x->gradient[n][i] += of[n][i];
+    return status;
+}
+
+/* Gradients by parameters through initial values that follow from them until initialisation ends. Returns the status of a function. */
+static int add_initial(unit *x)
+{
+    scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
+    const ordernm_system *const s = x->system;
+    int status = 0;
+    if (!x->model->initial_along || *x->mode > INITIALIZING) return 0;
+    for (int k = 0; k < x->np && !status; ++k) {
+        clear(x, of);
+        x->dp[k] = 1.0;
+        status = seed_initial(x);
+        for (int i = 0; i < x->nfq; ++i) x->gradient[2][k] += x->gradient[0][s->free_q[i]]*x->dq[s->free_q[i]];
+        for (int i = 0; i < x->nfu; ++i) x->gradient[2][k] += x->gradient[1][s->free_u[i]]*x->du[s->free_u[i]];
+    }
     return status;
 }
 
@@ -146,7 +177,7 @@ int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsi
     for (size_t i = 0; i < nunknowns; ++i) *unknown_of(x, unknowns[i]) += seed[i];
     clear(x, x->gradient);
     unit_arguments(x, &c);
-    if ((status = transpose(x, &c, kinds))) return unit_failed(x, status);
+    if ((status = transpose(x, &c, kinds)) || (status = add_initial(x))) return unit_failed(x, status);
     for (size_t i = 0; i < nknowns; ++i) result[i] = *place_of(x, knowns[i], x->gradient);
     return UNIT_OK;
 }

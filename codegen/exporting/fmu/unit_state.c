@@ -108,17 +108,25 @@ void unit_arguments(unit *x, ordernm_call *c)
     c->full_u = x->motion->qdot;
 }
 
+/* An initial value after its expression has changed; initial values that close no loops are replaced by others. */
+static scalar moved(scalar known, scalar before, scalar now) { return known == before ? now : known + (now - before); }
+
 /* Until initialisation ends, initial values that the importer has not set follow from the parameters. */
 static int take_initial(unit *x)
 {
     const ordernm_system *const s = x->system;
     if (!x->model->initial || *x->mode > INITIALIZING) return 0;
-    const int status = x->model->initial(x->p, x->near, x->dfull_u, x->motion->work);
+    int status = x->model->initial(x->model->p, x->dfull_q, x->dudot, x->motion->work);
+    if (!status) status = x->model->initial(x->p, x->near, x->dfull_u, x->motion->work);
     if (status) return status;
-    for (int i = 0; i < x->nfq; ++i)
-        if (x->given[i] == 0.0) x->q[s->free_q[i]] = x->near[s->free_q[i]];
-    for (int i = 0; i < x->nfu; ++i)
-        if (x->given[x->nfq + i] == 0.0) x->u[s->free_u[i]] = x->dfull_u[s->free_u[i]];
+    for (int i = 0; i < x->nfq; ++i) {
+        const int k = s->free_q[i];
+        if (x->given[i] == 0.0) x->q[k] = moved(x->model->q[k], x->dfull_q[k], x->near[k]);
+    }
+    for (int i = 0; i < x->nfu; ++i) {
+        const int k = s->free_u[i];
+        if (x->given[x->nfq + i] == 0.0) x->u[k] = moved(x->model->u[k], x->dudot[k], x->dfull_u[k]);
+    }
     return 0;
 }
 
@@ -127,6 +135,14 @@ void unit_change(unit *x)
 {
     x->computed = 0;
     *x->closed = 0.0;
+}
+
+/* The integrator has found the current state, with closed loops. */
+void unit_took_step(unit *x)
+{
+    take_way(x, 1.0);
+    memcpy(x->known, x->way, (1 + x->nfq + x->np + x->ni)*sizeof(scalar));
+    unit_change(x);
 }
 
 /* Computes all variables at the current state. */

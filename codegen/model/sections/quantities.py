@@ -20,7 +20,7 @@ from ..reading import Reader
 from ..schema import ParameterEntry
 from ..units import in_units, in_words, unit_of
 
-_MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
+_MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "ordernm", "stdint"})
 _C_KEYWORDS: Final = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
