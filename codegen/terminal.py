@@ -203,7 +203,7 @@ def working(stage: str) -> Iterator[None]:
 
 
 def with_status(what: str = "") -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A decorator of functions with an argument `progress`: left out, progress is shown where a person sees it.
+    """A decorator of functions with an argument `progress`; if it is omitted, progress is shown where a person sees it.
 
     Parameters
     ----------

@@ -25,7 +25,9 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
     try:
         low, high = (np.broadcast_to(np.asarray(b, float), (count,)).copy() for b in (lower, upper))
     except ValueError:
-        raise ValueError(f"constraint: {count} functionals, and bounds {lower!r} and {upper!r}") from None
+        raise ValueError(
+            f"constraint: bounds are {lower!r} and {upper!r}, expected a number, or one for each of {count} functionals"
+        ) from None
     if np.isnan([low, high]).any() or (low > high).any() or np.isinf([low, high]).all(axis=0).any():
         raise ValueError(
             f"constraint: bounds are {lower!r} and {upper!r}; lower must not be above upper, "

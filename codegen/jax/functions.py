@@ -75,8 +75,8 @@ def _operator(solver: Any, name: str) -> Operator:
     of = operator(solver, name)
     if of.composed:
         raise NotImplementedError(
-            f"{name} of {of.solver.name}: Python composes it in mechanisms with closed loops, and JAX calls compiled code; "
-            "ordernm.torch.function has it"
+            f"{name} of {of.solver.name}: in mechanisms with closed loops this method runs in Python, and JAX needs compiled "
+            "code; use ordernm.torch.function"
         )
     return of
 

@@ -154,7 +154,7 @@ def _made(operator: Operator, name: str, operands: tuple[tuple[str, bool], ...],
     plan.names, plan.errors, plan.quaternion, plan.function = *tables, quaternions, text
     plan.quaternions = len(manifest["quaternions"]) if operands and operands[0][0] == "q" else 0
     if not library.ordernm_jax_add(plan):
-        raise RuntimeError("more than 4096 functions of solvers are in use by JAX in this process")
+        raise RuntimeError("JAX uses more than 4096 functions of solvers in this process; start a new process")
     return plan, kept, names, errors, quaternions, tables, text, target, in_lanes, f
 
 

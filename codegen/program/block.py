@@ -160,8 +160,8 @@ class Scope(ABC):
         """Name a value even if the name is only a copy; copy propagation removes the copy."""
 
     def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
-        """Name a value, or the alternative `otherwise` where that is cheaper or the value reads something that nothing else
-        needs."""
+        """Name a value or its alternative `otherwise`, which is taken if it is cheaper, or if the value reads something
+        that nothing else needs."""
         return self.let(name, value, tag)
 
     @abstractmethod

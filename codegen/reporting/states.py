@@ -23,8 +23,8 @@ RANDOM = 3
 """Number of random states in a report."""
 
 NEARER, FARTHER = 0.7, 1.1
-"""After each random state whose loops do not close, the spread is multiplied by the first factor; after each that does, by the
-second. So about one state of five does not close; finding that out takes the longest."""
+"""After each random state whose loops do not close, the spread is multiplied by the first factor; after each state
+whose loops close, by the second. So about one state of five does not close; finding that out takes the longest."""
 
 SEARCHED = 100
 """Number of random states of which the one with the largest condition number is taken."""

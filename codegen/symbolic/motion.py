@@ -54,7 +54,7 @@ class Equations:
     u, udot : tuple of Symbol
         Speeds and their time derivatives, (nu,).
     independent : tuple of Symbol
-        The speeds whose accelerations M multiplies: all of them, but for the embedded form.
+        The speeds whose accelerations M multiplies: all speeds, except in the embedded form.
     parameters : tuple of Symbol
         The parameters that are symbols.
     inputs : tuple of Symbol

@@ -220,7 +220,7 @@ def statements(
     [(Dinv, 1/c.J.xx, 'Eq. 47'), (rD, -Dinv*me.n.z, 'Eq. 53')]
     """
     if not model.nu and not model.prescribed:
-        raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
+        raise ModelError([model.problem("bodies", "no joint has a degree of freedom, so nothing can move")])
     with expressions_kept():
         return _Reader(*_planned(model, functions, reactions, frames)).recursion()
 

@@ -61,8 +61,8 @@ def test_of_links_on_two_branches() -> None:
     assert said(parse_model(ARMS)) == [
         "region of hold (links b_0_6, b_1_5, b_1_6): base b_0_5, a region of one ear, since its loops share links with more than "
         "5 independent speeds and a common region would not save enough operations (docs/theory.md, 4.3); it is the moving link "
-        "that carries most of its links, the first of equals: 1 on b_0_5, 1 on b_1_4; moves with the motion of b_1_4 relative "
-        "to the base"
+        "that carries most of its links, or the first of several such links: 1 on b_0_5, 1 on b_1_4; moves with the motion of "
+        "b_1_4 relative to the base"
     ]
 
 

@@ -45,7 +45,7 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
     if region.far:
         hanging = [ear.roots[-1 - p] for ear in ears for p in ear.parents if p < 0]
         counts = ", ".join(f"{hanging.count(i)} on {_name(links, i)}" for i in (region.base, *region.far))
-        why = f"{_ALONE}; it is the moving link that carries most of its links, the first of equals: {counts}"
+        why = f"{_ALONE}; it is the moving link that carries most of its links, or the first of several such links: {counts}"
         sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} relative to the base")
     elif not region.rigid:
         why = (

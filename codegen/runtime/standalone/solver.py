@@ -72,7 +72,7 @@ class Solver(Package):
     Notes
     -----
     Methods take SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design parameters
-    ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros) and time ``t (...)``. Leading axes
+    ``p (..., np)`` (default: `parameters`), ``inputs (..., ninputs)`` (default: zeros) and time ``t (...)``. Leading axes
     are batch axes and broadcast by NumPy's rules.
 
     Seeds have their k directions first: ``dq (k, ..., nq)``, ``du``, ``dp`` and ``dinputs`` likewise, ``dt (k, ...)``. A
@@ -1026,7 +1026,7 @@ class Solver(Package):
     ) -> Array:  # fmt: skip
         """Return the Hessian of ``sum_i weights_i udot_i``, exact to rounding.
 
-        One product with a direction for every column, see `hessian_products`. The matrix is symmetric to rounding,
+        Each column is one product with a direction, see `hessian_products`. The matrix is symmetric to rounding,
         unless loops determine a part of a quaternion or position: its entries then depend on each other.
 
         Parameters
@@ -1038,7 +1038,7 @@ class Solver(Package):
         weights : array_like (..., nu)
             Weights of the entries of udot.
         wrt : str or iterable of str, optional
-            Variables of rows and columns, of q, u, p, inputs and t; always in this order. None for all.
+            Variables of rows and columns: names among q, u, p, inputs and t, used in this order. Default: all.
 
         Returns
         -------
@@ -2105,9 +2105,10 @@ class Solver(Package):
         memory : int, optional
             Bytes in which the adjoint keeps steps. Steps that do not fit are computed twice.
         hessian : bool or array_like (r, k), optional
-            Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Exact
-            for the steps taken, whose sizes count as constants, as do dq0 and du0. For explicit integrators and models
-            without quaternions and branches, generated with ``hessian_products``; `method` is then the adjoint.
+            Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Products
+            are exact for the steps taken; step sizes, dq0 and du0 count as constants. They need an explicit integrator,
+            a package with ``hessian_products``, and a model without quaternions and branches. `method` is then the
+            adjoint.
 
         Returns
         -------

@@ -308,8 +308,8 @@ def wanted_arrows(arrows: str | Sequence[str], poses: Poses) -> set[str]:
 
 
 def frames_of(t: Array, what: str) -> list[tuple[int, float]]:
-    """Indices of the results that are shown, each with the time to the next one, s. A warning if more than `MOST_FRAMES` would
-    be shown."""
+    """Indices of the results that are shown, each with the time to the next one, s. Warns if more than `MOST_FRAMES`
+    would be shown."""
     if len(t) < 2:
         return [(0, 0.0)]
     count = math.ceil((t[-1] - t[0]) * RATE) + 1

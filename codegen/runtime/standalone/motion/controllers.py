@@ -132,7 +132,8 @@ def sampling_times(start: float, end: float, period: float) -> Array:
 def with_controlled(
     names: Sequence[str], given: Any, moving: Sequence[str], times: Array
 ) -> tuple[dict[str, Any], tuple[int, ...]]:
-    """A user's inputs with values held from sample to sample for the signals that they leave out, and the places of these.
+    """A user's inputs, with signals added that hold their values from sample to sample; and the places of the added
+    signals.
 
     Raises
     ------
