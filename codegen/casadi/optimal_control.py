@@ -415,7 +415,7 @@ def collocation(
     design : mapping of str to (float, float), optional
         Parameters that are variables, with their bounds.
     p : array_like or mapping, optional
-        Values of all parameters. Default: the defaults.
+        Values of all parameters. Default: the default parameters.
 
     Returns
     -------

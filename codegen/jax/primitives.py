@@ -119,7 +119,7 @@ def value(of: Operator, x: Sequence[Any]) -> Any:
 
 
 def along(of: Operator, x: Sequence[Any], seeds: Given) -> Any:
-    """Its derivatives (k, *batch, m) along seeds."""
+    """Derivatives (k, *batch, m) of the function along seeds."""
     taken = [n for n in of.names if n in seeds and f"d{n}" in of.function(of.derived.along).seeds]
     if taken:
         return bind(of, "along", [*x, *(seeds[n] for n in taken)], taken)[0]
@@ -131,7 +131,7 @@ def against(of: Operator, x: Sequence[Any], weights: Any) -> dict[str, Any]:
     """Gradients (k, *batch, n) of weighted sums; those that are missing are zero."""
     if of.has(of.derived.against):
         return dict(zip(_gives(of, "against"), bind(of, "against", [*x, weights]), strict=True))
-    taken = [n for n in of.names if f"d{n}" in of.function(of.derived.along).seeds]  # by a full Jacobian
+    taken = [n for n in of.names if f"d{n}" in of.function(of.derived.along).seeds]  # columns of a full Jacobian
     sizes = [of.sizes[n] for n in taken]
     units = jnp.eye(sum(sizes), dtype=of.dtype)
     starts = [sum(sizes[:i]) for i in range(len(sizes))]

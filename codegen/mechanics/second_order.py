@@ -123,7 +123,7 @@ class SecondOrder:
         """Whether products of the forward dynamics of a tree are among the functions."""
         self.dropped = () if loops or inverse else (DUDOT_BAR,)
         self.one_of_trees = not loops and self.forward is not inverse
-        """Whether one function only runs the sweeps, for a tree: first contributions are then known."""
+        """Whether the model is a tree and only one function runs the sweeps: first contributions are then known."""
         self.unread = () if loops else (DFORCE,)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
         """Tangents and adjoints that can differ from zero."""

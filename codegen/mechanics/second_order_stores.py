@@ -85,7 +85,7 @@ ADJOINTS = {
     DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
     DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
 }  # fmt: skip
-"""The adjoints, by the tangents."""
+"""The store of adjoints for each store of tangents."""
 
 ADJOINT_TANGENTS = {
     GQ: DGQ, GU: DGU, GP: DGP, CE_GP: CE_DGP, UDOT_BAR: DUDOT_BAR, TAU_BAR: DTAU_BAR, MOTION_BAR: DMOTION_BAR,
@@ -113,7 +113,7 @@ def base_of(store: Store) -> Store:
 
 
 def _found(table: Mapping[Store, Store], store: Store) -> Store | None:
-    """The store that a table has for another one, at the same place."""
+    """The entry of a table for a store, at the place of this store; None if the table has none."""
     found = table.get(base_of(store))
     return found if found is None or store.place is None else found[store.place]
 
@@ -122,7 +122,7 @@ _UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s
 
 
 def in_memory(memory: Memory, store: Store) -> Store:
-    """The store of another memory of the same owner."""
+    """The store that holds, in a memory, the counterpart of a store; both have the same owner."""
     base = _BASE.get(store, store)
     found = _MADE.get((memory, base))
     if found is None:

@@ -28,7 +28,7 @@ _FORM = "write 'repeat k in 1..n:', 'repeat k in 1..n step 2:' or 'repeat leg in
 
 
 class CannotGoOn(Exception):
-    """Raised if going on would cause false error messages, or take too long."""
+    """Raised if continuing would cause false error messages, or take too long."""
 
 
 @dataclass(slots=True)

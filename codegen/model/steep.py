@@ -32,7 +32,7 @@ def has_steep_functions(model: Model) -> bool:
 
 
 def _is_steep(tree: Tree, varies: Callable[[str], bool]) -> bool:
-    """Whether a function of a varying number may change steeply: most functions, quotients, and high or broken powers."""
+    """Whether a function of a varying number may change steeply: most functions, quotients, and high or fractional powers."""
     if tree[0] == "call":
         steep = tuple(tree[2:]) if tree[1] not in EVEN_PACED else ()
     elif tree[0] == "/":

@@ -231,7 +231,7 @@ class Value(torch.autograd.Function):
 
 
 class Along(torch.autograd.Function):
-    """Its derivative along one direction."""
+    """The derivative of the function along one direction."""
 
     setup_context = staticmethod(_keep)
 

@@ -50,7 +50,7 @@ PLATFORMS = {
 
 
 LINKED = {".so": ("-lm", "-Wl,-z,defs"), ".dylib": ("-lm",)}
-"""Flags of the linker by ending; it refuses libraries in which a function is missing."""
+"""Flags of the linker by ending of the library. With them it refuses libraries in which a function is missing."""
 
 
 class PlatformError(ValueError):

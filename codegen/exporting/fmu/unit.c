@@ -342,7 +342,7 @@ int unit_start(unit *x, scalar t, scalar tolerance, scalar stop)
     return unit_say(x, UNIT_WARNING, "the tolerance is %g, expected %g or more; %g is used instead", tolerance, SMALLEST_TOLERANCE, *x->rtol);
 }
 
-/* Whether the initial state should follow parameters that the importer has changed, but does not. */
+/* Whether the initial state is an equilibrium that no longer fits, since the importer has changed parameters. */
 static int is_old_equilibrium(const unit *x)
 {
     int missing = 0;

@@ -44,7 +44,7 @@ struct unit {
     int nq, nu, np, ni, ny, ns, nfq, nfu; /* lengths */
     long saved;                       /* number of doubles of the state of the instance, which starts at `mode` */
     scalar *mode;                     /* INSTANTIATED, ... */
-    scalar *t, *stop, *step, *rtol;   /* time, its last value, size of the integrator's next step, its tolerance */
+    scalar *t, *stop, *step, *rtol;   /* time, stop time, size of the integrator's next step, its tolerance */
     scalar *closed;                   /* whether the loops are closed */
     scalar *given;                    /* [nfq + nfu] whether the importer has set an initial value */
     scalar *q, *u, *p, *inputs;       /* dependent entries of q and u are those of the last closed state */

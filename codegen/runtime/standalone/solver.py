@@ -303,7 +303,7 @@ class Solver(Package):
         Parameters
         ----------
         p : array_like (..., np), optional
-            Parameters. Default: the defaults.
+            Parameters. Default: the default parameters.
 
         Returns
         -------
@@ -333,7 +333,7 @@ class Solver(Package):
         Parameters
         ----------
         p : array_like (..., np), optional
-            Parameters. Default: the defaults.
+            Parameters. Default: the default parameters.
         dp : array_like (k, ..., np)
             Seeds.
 
@@ -718,7 +718,7 @@ class Solver(Package):
         q, u : array_like (nq,), (nu,), optional
             The initial state. Dependent entries follow from closure. Default: the model's initial state.
         p : array_like (np,), optional
-            Parameters. Default: the defaults.
+            Parameters. Default: the default parameters.
         inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
             Inputs over time, as in `simulate`. A function of time is called at each evaluation.
         t : float, optional
@@ -993,7 +993,7 @@ class Solver(Package):
         q, u, udot : array_like (..., nq), (..., nu), (..., nu)
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
-            Parameters, inputs and time (s). Left out: default parameters, zero inputs, t = 0.
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
             Weights of the entries of the force.
         dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
@@ -1984,7 +1984,7 @@ class Solver(Package):
             The initial state. Dependent speeds follow from closure; open loops are closed, with a warning. Default:
             the model's initial state, whose dependence on parameters is part of the derivatives.
         p : array_like (np,), optional
-            Parameters. Default: the defaults.
+            Parameters. Default: the default parameters.
         inputs : array_like (nsignals,), tuple, callable, spline or mapping, optional
             Constants; ``(times, values)`` or ``(times, values, kind)`` with values (ntimes, nsignals); a function of
             time; or SciPy's `BSpline` or `PPoly`. A mapping gives any of these for each signal by name. See Notes.

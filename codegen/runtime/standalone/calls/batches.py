@@ -86,7 +86,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def library_of_states(number: int) -> str:
-    """Name of the library with functions for several states at once of the library of this number."""
+    """Name of the library that computes several states at once, for the functions of the library of this number."""
     return "states" if number < 2 else f"states {number}"
 
 

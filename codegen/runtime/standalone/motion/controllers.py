@@ -22,7 +22,7 @@ MOST_SAMPLES = 10_000_000
 """Maximum number of samples of a motion."""
 
 PARTS = ("q", "u", "outputs", "p", "inputs")
-"""What a controller's Jacobian may contain."""
+"""The parts that the Jacobian of a controller may have."""
 
 
 @dataclass(slots=True, eq=False)

@@ -81,7 +81,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
 
 
 def check_joints(name: str, system: Any) -> None:
-    """Refuses choices of independents that take some speeds of a joint, since the integrator then changes states between steps.
+    """Refuses choices of independents that take only some speeds of a joint: the integrator then changes states between steps.
 
     Raises
     ------
@@ -115,7 +115,7 @@ class Curvature:
 
 
 class _Functions:
-    """Functions of a partition on dual numbers, at many states whose loops are closed.
+    """The functions of a choice of independents, on dual numbers, at many states whose loops are closed.
 
     Records of states are those of ``motion.h``: independent entries with their derivatives along r directions, and coordinates.
     """
@@ -125,7 +125,7 @@ class _Functions:
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
 
     def states(self, records: Array, t: Array, within: Array) -> Array:
-        """All coordinates and speeds (n, 1 + r, nq + nu); dependent speeds are zero, which functions compute themselves."""
+        """All coordinates and speeds (n, 1 + r, nq + nu); dependent speeds are zero, since functions compute them."""
         n, r, free, nq = len(records), self.r, self.free, self.nq
         found = np.zeros((n, 1 + r, nq + self.nu))
         found[:, :, free] = records[:, : (1 + r) * len(free)].reshape(n, 1 + r, len(free))
@@ -373,7 +373,7 @@ def _check_memory(segments: Sequence[Segment], of: _Tangents, memory: int) -> No
 
 
 def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list[_Tangents]:
-    """Segments with tangents; each one begins with those at the end of the one before."""
+    """Segments with tangents; each begins with the tangents at the end of the previous segment."""
     found: list[_Tangents] = []
     dq, du = along.dq, along.du
     for number, (segment, functions, opened) in enumerate(
@@ -428,8 +428,8 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
 
 
 def _changed(of: _Tangents, later: Array) -> tuple[Array, Array, Array]:
-    """Gradients, and their changes, before a change of independent coordinates, from those after it (1 + r, nq + nu): by the
-    independent entries (1 + r, free), the parameters and the inputs."""
+    """Continue gradients and their changes backwards over a change of independent coordinates, from those after it
+    (1 + r, nq + nu) to those before it: by the independent entries (1 + r, free), the parameters and the inputs."""
     nq, free, n_p = of.functions.nq, len(of.free), of.functions.np
     by = {
         seed: (later[:1, part], later[1:, part].T[None])
