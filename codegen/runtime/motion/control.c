@@ -228,6 +228,14 @@ static int passes_poor_poses(ordernm_motion *m)
     return 1;
 }
 
+/* Whether rates at a stage of the last trial, or at its end, are not finite. An implicit step may also fail because its iteration diverges. */
+static int is_undefined(const ordernm_motion *m)
+{
+    for (int i = 1; i <= m->method->stages; ++i)
+        if (!ordernm_all_finite(m->rate[i], m->values)) return 1;
+    return 0;
+}
+
 /* Sets the size of the next trial after a failed step or too large an error. Returns the reason for the end if no smaller step is possible.
  * */
 static int refuse(ordernm_motion *m, const trial *step, int status)
@@ -235,7 +243,7 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
     const scheme *const method = m->method;
-    if (m->nheld && (status || step->error != step->error) && ordernm_let_go(m)) {
+    if (m->nheld && (status || (step->error != step->error && is_undefined(m))) && ordernm_let_go(m)) {
         ++r->rejected;
         return ORDERNM_ENDED; /* repeats the step, with every switch in the branch of the current state */
     }
