@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 import codegen
 from codegen.model import parse_model
@@ -149,3 +150,46 @@ def test_remainders_end_steps_and_smooth_tables_do_not(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[0].gradients, found[1].gradients, rtol=1e-8)
     up, down = (solver.judge(end, [Final(n) for n in names], p=[m + h], **options).values for h in (1e-4, -1e-4))
     np.testing.assert_allclose(found[0].gradients[:, 0], (up - down) / 2e-4, rtol=1e-5)
+
+
+ROOTS = """\
+model: roots
+parameters: {a: 0.3, b: 0.3, f: 2.0, g: 3.0}
+bodies:
+  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  r: {type: joint, joint: x, value: "f*sqrt(max(0, q.x - a)) + g*max(0, q.x - b)**1.5 - 0.2*q.x"}
+initial: {u: {x: 1}}
+outputs: {x: {value: q.x}}
+"""
+
+
+@pytest.fixture(scope="module")
+def roots(tmp_path_factory: pytest.TempPathFactory) -> Solver:
+    folder = tmp_path_factory.mktemp("roots") / "roots"
+    codegen.generate(parse_model(ROOTS), folder, functions=["motion"], check=False, compile="all")
+    return codegen.load(folder)
+
+
+@pytest.mark.parametrize("apart", [3e-10, 3e-11, 1e-12])
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_another_switch_just_after_the_zero_of_a_root(roots: Solver, integrator: str, apart: float) -> None:
+    """Errors of up to 1e-4: the step after both zeros was far too long for the root."""
+    a, b, f, g = 0.3, 0.3 + apart, 2.0, 3.0
+    options = {"p": {"b": b}, "wrt": ["a", "f"], "integrator": integrator}
+    found, back = (roots.judge(1.0, Final("x"), method=way, **options) for way in ("forward", "adjoint"))
+
+    def speed(x: float) -> float:
+        """By the energy."""
+        return math.sqrt(1 + 4 / 3 * f * max(0, x - a) ** 1.5 + 4 / 5 * g * max(0, x - b) ** 2.5 - 0.2 * x * x)
+
+    end = found.values[0]
+    time = [quad(lambda x: 1 / speed(x), 0, a, epsrel=1e-12)]
+    time.append(quad(lambda s: 2 * s / speed(a + s * s), 0, math.sqrt(end - a), epsrel=1e-12))
+    assert sum(t for t, _ in time) == pytest.approx(1.0, abs=1e-8)
+    by_a, by_f = (
+        speed(end) * quad(lambda s: 2 * s * of(s) / speed(a + s * s) ** 3, 0, math.sqrt(end - a), epsrel=1e-12)[0]
+        for of in (lambda s: -f * s, lambda s: 2 / 3 * s**3)
+    )
+    np.testing.assert_allclose(found.gradients, [[by_a, by_f]], rtol=0.0, atol=3e-8)
+    np.testing.assert_allclose(back.gradients, found.gradients, rtol=0.0, atol=1e-11)

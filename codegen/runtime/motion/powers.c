@@ -17,6 +17,10 @@ static const scalar LARGER = 300.0;
  * zero. Rounding may put the last stage beyond the zero, where derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
+/* A step that starts within this part of LEAST after the zero of a root, because another switch has cut the step before, counts as a step
+ * that starts at the zero. */
+static const scalar STILL_THERE = 0.25;
+
 /* A step that ends at the zero with too large an error is repeated with TOWARDS times its size. Constant steps have no error estimate: all
  * are repeated over HALF, and after the zero no step is longer than EVEN times the distance to the zero. */
 static const scalar TOWARDS = 0.8, HALF = 0.5, EVEN = 0.99;
@@ -51,10 +55,17 @@ static int has_power(const ordernm_motion *m, int k)
 /* Relative tolerance for functions with a common zero, which are proportional for all changes of state and parameters. */
 static const scalar IN_PROPORTION = 1e-9;
 
+/* Whether the step starts at the zero of a root, switch k. */
+static int begins_at_root(const ordernm_motion *m, int k)
+{
+    if (m->system->switch_kind[k] != ORDERNM_ROOT || !(m->changed[k] > -INFINITY)) return 0;
+    return m->t - m->changed[k] <= STILL_THERE*LEAST*time_of_change(m);
+}
+
 /* Whether the step starts or ends at the zero of a root: switch k, with the monitored function e. */
 static int is_at_root(const ordernm_motion *m, const trial *step, int k, int e)
 {
-    return m->system->switch_kind[k] == ORDERNM_ROOT && (m->changed[k] == m->t || (step->event >= 0 && m->happened[e] > 0.0));
+    return begins_at_root(m, k) || (m->system->switch_kind[k] == ORDERNM_ROOT && step->event >= 0 && m->happened[e] > 0.0);
 }
 
 /* Whether all roots at whose zeros the step starts or ends have a common zero. */
@@ -90,9 +101,9 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
     int ends = 0, begins = 0, roots = 0;
     scalar nearest = INFINITY, behind = INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
-        const int k = m->held[i], is_root = m->system->switch_kind[k] == ORDERNM_ROOT;
+        const int k = m->held[i];
         if (!has_power(m, k)) continue;
-        const int happens = step->event >= 0 && m->happened[events + i] > 0.0, begun = is_root && m->changed[k] == m->t;
+        const int happens = step->event >= 0 && m->happened[events + i] > 0.0, begun = begins_at_root(m, k);
         const int at_root = is_at_root(m, step, k, events + i);
         ends |= happens;
         begins |= begun;

@@ -370,6 +370,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     if (status) return status;
     scalar limit, usual;
     limits(m, &limit, &usual);
+    if (m->derived && m->beside_power) r->slowness = 1.0; /* there, errors far below the tolerances limit the step, see powers.c */
     extrapolate(m, h);
     status = stages(m, h, limit, usual);
     if (status == DIVERGED) {
