@@ -60,6 +60,7 @@ static int begin(ordernm_motion *m)
         if (reason != ORDERNM_ENDED) return reason;
         m->sampled = p->ntimes ? 1 : 0;
     }
+    if (m->nheld) ordernm_lose_at_start(m);
     m->h = p->step;
     if (m->h <= 0.0) {
         const scalar limit = fmin(p->end - p->start, p->largest_step > 0.0 ? p->largest_step : INFINITY);

@@ -342,6 +342,7 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z);
 int ordernm_hold_again(ordernm_motion *m);
 int ordernm_limit_turns(ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
+int ordernm_begins_at_jump(ordernm_motion *m, int k);
 void ordernm_touch(ordernm_motion *m, scalar t, int k);
 int ordernm_follow_inputs(ordernm_motion *m);
 void ordernm_keep_modes(const ordernm_motion *m, scalar *row);
@@ -384,6 +385,7 @@ int ordernm_growing_power(ordernm_motion *m, const trial *step);
 
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);
+void ordernm_lose_at_start(ordernm_motion *m);
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 
 /* step_sizes.c */

@@ -1,8 +1,9 @@
 /* Directions along which the motion has no derivative from a time on, although the motion itself continues.
  *
- * There are four causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
- * motion rests, while perturbed motions use the branch on either side; singular points, see points.c; and jumps of rates without a
- * known switch, as for atan2(y, x) where both arguments are zero. A lost direction is NaN in results, and zero in the state. */
+ * There are five causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
+ * motion rests, while perturbed motions use the branch on either side; singular points, see points.c; jumps of rates without a known
+ * switch, as for atan2(y, x) where both arguments are zero; and a start at a switch with a jump, on either side of which perturbed motions
+ * start. A lost direction is NaN in results, and zero in the state. */
 #include "radau.h"
 
 #include <math.h>
@@ -13,6 +14,9 @@ static const scalar AGREE = 1e-10;
 
 /* A direction moves a switch if the relative motion of the switch exceeds this limit; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
+
+/* The same limit at the start of the motion, where there are only rounding errors. */
+static const scalar ROUNDED = 1e-12;
 
 /* A jump of a rate is suspected if the change between neighbouring stages is at least PART_OF_STEP of all changes in the step. The jump is
  * confirmed if at least PART_OF_CHANGE of the change remains after all bisections, exceeds PART_OF_RATE of the rate, and would move the
@@ -262,12 +266,12 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
-/* Relative motion, by a direction, of the switch whose derivatives are in m->switch_along. */
-static scalar moves_switch(const ordernm_motion *m, int n, int lane)
+/* Relative motion, by a direction at a state, of the switch whose derivatives are in m->switch_along. */
+static scalar moves_switch(const ordernm_motion *m, const scalar *z, int n, int lane)
 {
     const group *const g = m->groups + n;
     scalar size = 0.0;
-    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(m->next[g->at + i*g->width + lane]));
+    for (long i = 0; i < m->ny + m->nx; ++i) size = fmax(size, fabs(z[g->at + i*g->width + lane]));
     for (int i = 0; i < m->system->np; ++i) size = fmax(size, fabs(g->dp[i*g->width + lane]));
     return size > 0.0 ? fabs(m->switch_along[n*LANES + lane])/size : 0.0;
 }
@@ -284,8 +288,22 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     for (int i = 0; i < m->ny; ++i) fastest = fmax(fastest, fabs(rate[i]));
     for (int n = 0; n < m->ngroups; ++n)
         for (int l = 0; l < m->groups[n].used; ++l)
-            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, n, l)*fastest > MOVES*fabs(speed)) lose(m, n, l), some = 1;
+            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->next, n, l)*fastest > MOVES*fabs(speed)) lose(m, n, l), some = 1;
     if (some) note(m, ORDERNM_PASSES, k);
+}
+
+/* Marks directions as lost that move a switch at which the motion begins, if rates jump there. */
+void ordernm_lose_at_start(ordernm_motion *m)
+{
+    for (int i = 0; i < m->nheld && (m->ngroups || m->results->lost); ++i) {
+        const int k = m->held[i];
+        int some = !m->ngroups && !m->results->lost_count;
+        if (!ordernm_begins_at_jump(m, k) || ordernm_switch_along(m, m->t, m->z, k)) continue;
+        for (int n = 0; n < m->ngroups; ++n)
+            for (int l = 0; l < m->groups[n].used; ++l)
+                if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED) lose(m, n, l), some = 1;
+        if (some) note(m, ORDERNM_BEGINS, k);
+    }
 }
 
 /* Marks directions as lost that have no derivative after this step. */

@@ -42,6 +42,12 @@ scalar ordernm_other_mode(const ordernm_motion *m, int k)
     return -m->modes[k];
 }
 
+/* Whether a switching function with this rate is zero at the start. */
+static int is_zero_at_start(const ordernm_motion *m, scalar value, scalar speed)
+{
+    return fabs(value) <= fmax(AT_ZERO*(m->problem->end - m->problem->start)*fabs(speed), speed == 0.0 ? ROUNDED : 0.0);
+}
+
 /* The mode of the state, from the switching function evaluated without a mode. */
 static scalar mode_of(const ordernm_motion *m, int k)
 {
@@ -211,7 +217,6 @@ static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k
  * or SLIDES with the switch in the results. */
 int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
 {
-    const scalar reach = AT_ZERO*(m->problem->end - m->problem->start);
     scalar *const rate = m->trial;
     int status;
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
@@ -230,9 +235,9 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
             m->modes[k] = mode;
             if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
             if ((status = ordernm_switch_speed(m, t, z, rate, k, way + 1 + mode))) return status;
-            if (n == 0 && fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) break; /* the switching function is not zero */
+            if (n == 0 && !is_zero_at_start(m, g, way[1 + side])) break;
         }
-        if (fabs(g) > fmax(reach*fabs(way[1 + side]), way[1 + side] == 0.0 ? ROUNDED : 0.0)) m->modes[k] = side;
+        if (!is_zero_at_start(m, g, way[1 + side])) m->modes[k] = side;
         else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
         else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
         else if (way[1] == 0.0) m->modes[k] = way[0] == 0.0 && way[2] == 0.0 ? mode_from_rest(m, t, z, k) : 0.0; /* rests at the switch */
@@ -243,6 +248,20 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     }
     memset(m->crossed, 0, m->system->nswitches*sizeof(scalar));
     return 0;
+}
+
+/* Whether the motion begins at the zero of a switch with a mode, and rates jump there. */
+int ordernm_begins_at_jump(ordernm_motion *m, int k)
+{
+    const scalar mode = m->modes[k];
+    scalar *const one = m->error[0], *const other = m->error[1], speed;
+    if (mode == 0.0 || ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed)) return 0;
+    const scalar x = m->switches[k], value = m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN - fabs(x) : x;
+    if (!is_zero_at_start(m, value, speed) || ordernm_rates_of(m, m->t, m->z, one, 0, 0, RATES | INTEGRALS)) return 0;
+    m->modes[k] = ordernm_other_mode(m, k);
+    const int status = ordernm_rates_of(m, m->t, m->z, other, 0, 0, RATES | INTEGRALS);
+    m->modes[k] = mode;
+    return !status && ordernm_rates_jump(m, one, other);
 }
 
 /* A switching function has an extremum at zero, at the state in m->trial: there are no derivatives if rates jump there. */

@@ -12,7 +12,7 @@ from ..calls.non_finite import culprit
 from .problem import Segment
 from .switches import switch_words
 
-INFINITE, RESTS, JUMPS, PASSES = range(4)
+INFINITE, RESTS, JUMPS, PASSES, BEGINS = range(5)
 """Reasons for the loss of a direction, numbered as in ``motion.h``."""
 
 
@@ -23,6 +23,9 @@ def why_lost(
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion stays at {place}, where the branch changes, and motions on the two branches differ"
+    elif why == BEGINS:
+        place = switch_words(segment.opened.manifest, which)
+        reason = f"the motion begins where {place} jumps, and motions that begin beside it differ"
     elif why == PASSES:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion passes {place}, where the value or its derivatives jump or are unbounded"

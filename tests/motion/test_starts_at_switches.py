@@ -1,0 +1,87 @@
+"""Motions that begin exactly where a force changes its branch: derivatives that agree on both sides, or NaN with a warning."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from motion.models import Made, parsed
+
+from codegen.runtime import Final
+
+STARTS = """
+model: starts
+parameters: {a: 0.0, b: 0.0, t0: 0.0, m: 0.7, c: 1.0}
+inputs: [push]
+tables:
+  bent: {x: [-1, 0, 1, 2], y: [0.5, 0, 1, 3], kind: linear, outside: linear}
+bodies:
+  jump: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  rests: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  timed: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  wraps: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  angle: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  bends: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  stays: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  clips: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  kinks: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  jump: {type: joint, joint: jump, value: "if(q.jump > a, -c, 1)"}
+  rests: {type: joint, joint: rests, value: "3 - c*sign(u.rests)"}
+  timed: {type: joint, joint: timed, value: "if(t < t0, 1, 0)"}
+  wraps: {type: joint, joint: wraps, value: "mod(q.wraps - a, m)"}
+  angle: {type: joint, joint: angle, value: "atan2(q.angle - a, -1)"}
+  bends: {type: joint, joint: bends, value: "-c*bent(q.bends - b)"}
+  stays: {type: joint, joint: stays, value: "c*bent(q.stays - a)"}
+  clips: {type: joint, joint: clips, value: "c*max(min(q.clips - b, 1), 0) + 1"}
+  kinks: {type: joint, joint: kinks, value: "-c*abs(q.kinks - b)"}
+initial: {u: {jump: 0.9, wraps: 1, angle: 1, bends: 1, kinks: 1}}
+outputs:
+  jump: {value: q.jump}
+  rests: {value: q.rests}
+  timed: {value: q.timed}
+  wraps: {value: q.wraps}
+  angle: {value: q.angle}
+  bends: {value: q.bends}
+  stays: {value: q.stays}
+  clips: {value: q.clips}
+  kinks: {value: q.kinks}
+"""
+
+BY = ["a", "b", "t0", "c", *(f"{kind}.{body}" for kind in ("q0", "u0") for body in ("jump", "rests", "bends", "stays", "clips"))]
+
+ONE_SIDED = {
+    "jump": {"a", "q0.jump"}, "rests": {"u0.rests"}, "timed": {"t0"}, "wraps": {"a"}, "angle": {"a"},
+    "stays": {"a", "q0.stays", "u0.stays"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_derivatives_at_a_start_on_a_switch(made: Callable[..., Made], integrator: str) -> None:
+    """Derivatives by what moves the start across a jump were those of one side."""
+    solver: Any = made(parsed, STARTS).solver
+    sin, cos, sh, ch = math.sin(1), math.cos(1), math.sinh(1), math.cosh(1)
+    exact = {
+        "jump": {"c": -0.5, "u0.jump": 1.0}, "rests": {"c": -0.5, "q0.rests": 1.0},
+        "bends": {"b": 1 - cos, "c": (cos - sin) / 2, "q0.bends": cos, "u0.bends": sin},
+        "clips": {"b": 1 - ch, "c": sh / 2 - ch + 1, "q0.clips": ch, "u0.clips": sh},
+        "kinks": {"b": 1 - cos, "c": (cos - sin) / 2},
+    }  # fmt: skip
+    for body in ("jump", "rests", "timed", "wraps", "angle", "bends", "stays", "clips", "kinks"):
+        lost = ONE_SIDED.get(body, set())
+        for way in ("forward", "adjoint"):
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                found = solver.judge(
+                    1.0, Final(body), inputs=[0.0], wrt=BY, method=way, integrator=integrator, rtol=1e-10, atol=1e-10
+                )
+            row = dict(zip(BY, found.gradients[0], strict=True))
+            for name in lost:
+                assert np.isnan(row[name]), (body, way, name)
+                assert any(name in str(w.message).split("do not exist")[0] for w in said), (body, way, name)
+            for name, x in exact.get(body, {}).items():
+                assert row[name] == pytest.approx(x, abs=1e-8), (body, way, name)
