@@ -188,7 +188,8 @@ def test_another_switch_just_after_the_zero_of_a_root(roots: Solver, integrator:
     time.append(quad(lambda s: 2 * s / speed(a + s * s), 0, math.sqrt(end - a), epsrel=1e-12))
     assert sum(t for t, _ in time) == pytest.approx(1.0, abs=1e-8)
     by_a, by_f = (
-        speed(end) * quad(lambda s: 2 * s * of(s) / speed(a + s * s) ** 3, 0, math.sqrt(end - a), epsrel=1e-12)[0]
+        speed(end)
+        * quad(lambda s, of=of: 2 * s * of(s) / speed(a + s * s) ** 3, 0, math.sqrt(end - a), epsrel=1e-12)[0]
         for of in (lambda s: -f * s, lambda s: 2 / 3 * s**3)
     )
     np.testing.assert_allclose(found.gradients, [[by_a, by_f]], rtol=0.0, atol=3e-8)

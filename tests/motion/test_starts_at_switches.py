@@ -52,7 +52,13 @@ outputs:
   kinks: {value: q.kinks}
 """
 
-BY = ["a", "b", "t0", "c", *(f"{kind}.{body}" for kind in ("q0", "u0") for body in ("jump", "rests", "bends", "stays", "clips"))]
+BY = [
+    "a",
+    "b",
+    "t0",
+    "c",
+    *(f"{kind}.{body}" for kind in ("q0", "u0") for body in ("jump", "rests", "bends", "stays", "clips")),
+]
 
 ONE_SIDED = {
     "jump": {"a", "q0.jump"}, "rests": {"u0.rests"}, "timed": {"t0"}, "wraps": {"a"}, "angle": {"a"},
