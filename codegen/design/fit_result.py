@@ -319,8 +319,9 @@ class Fit:
             lines.append(f"  strongly correlated: {', '.join(strong[:8])}")
         if self.sigma_given and self.variance > SURE:
             lines.append(
-                f"  residuals are {math.sqrt(self.variance):.2g} times as large as sigma. The model or sigma is wrong, so "
-                f"the standard deviations above, which follow from sigma, are meaningless"
+                f"  residuals are {math.sqrt(self.variance):.2g} times as large as sigma. The model or sigma is wrong, or "
+                f"the search ended in a local minimum: start from other values (p=), or first fit a shorter part of the "
+                f"motion. The standard deviations above, which follow from sigma, are meaningless"
             )
         if self.first_cost > 0.0 and self.cost > NO_PROGRESS * self.first_cost and self.motions > FEW_MOTIONS:
             lines.append(

@@ -492,7 +492,7 @@ def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], 
                 )
             elif section == "loops" and name in closings:
                 found.append(closings[name].problem(f"loop {shortened(name)}: {problem.message}", problem.severity))
-            elif section in side.sections:
+            elif section.partition("[")[0] in side.sections:
                 found.append(side.problem(problem))
             else:
                 found.append(Problem(robot.file, None, None, problem.path, problem.message, problem.severity))

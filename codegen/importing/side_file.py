@@ -15,6 +15,8 @@ from .robot import Robot
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_.(+-][^,\[\]{}#&*!|>'\"%@`:?\n\t\\]*|[A-Za-z0-9_.(+-][A-Za-z0-9_.()+*/ -]*")
 """Texts that need no quotes in YAML."""
+_PARTS: Final = re.compile(r"\[\d+\]|[^.\[]+")
+"""Keys and indices of a path such as ``independent[1]``."""
 SECTIONS: Final = ("points", "loops", "couplings", "loop_tolerance", "initial", "independent")
 
 
@@ -38,17 +40,18 @@ class SideFile:
     def problem(self, problem: Problem) -> Problem:
         """An error in the model, at its place in the side file."""
         assert self.document is not None
-        line, column = self.document.place(self.document.root, tuple(problem.path.split(".")))
+        parts = [int(part[1:-1]) if part[0] == "[" else part for part in _PARTS.findall(problem.path)]
+        line, column = self.document.place(self.document.root, tuple(parts))
         return Problem(self.document.file, line, column, problem.path, problem.message, problem.severity)
 
 
 def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
-    """Read a side file, which may name links as the robot's file or as the model does.
+    """Read a side file, which may name links as the robot's file or as the model does, and coordinates also by the joint.
 
     Raises
     ------
     ModelError
-        If the file is not YAML or has other sections.
+        If the file is not YAML, has other sections, or names a coordinate twice.
     """
     file = os.fspath(path)
     document = compose(read_file(file), file)
@@ -75,14 +78,10 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
                 if isinstance(value.get(key), str) and value[key] in new:
                     value[key] = new[value[key]]
                     side.links.add(by_new[value[key]])
-    for value in _mappings(root.get("couplings")):
-        if isinstance(value.get("joint"), str):
-            value["joint"] = _coordinate(value["joint"], new)
-        follows = value.get("follows")
-        if isinstance(follows, dict):
-            value["follows"] = {_coordinate(k, new): v for k, v in follows.items()}
-        elif isinstance(follows, str):
-            value["follows"] = _coordinate(follows, new)
+    coordinates = {joint.name: names[joint.child] for joint in robot.joints.values() if joint.child in names} | new
+    problems += _rename_coordinates(document, coordinates)
+    if problems:
+        raise ModelError(problems)
     for key, value in root.items():
         if isinstance(value, dict):
             side.sections[key] = [f"{_flow(k)}: {_flow(v)}" for k, v in value.items()]
@@ -91,6 +90,38 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
         elif value is not None:
             side.sections[key] = [_flow(value)]
     return side
+
+
+def _rename_coordinates(document: Document, new: Mapping[str, str]) -> list[Problem]:
+    """Gives coordinates of couplings, of ``initial`` and of ``independent`` their names in the model; returns an error for
+    each that has two entries."""
+    root, problems = document.root, []
+
+    def renamed(section: str, entries: dict[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in entries.items():
+            name = _coordinate(key, new)
+            if name in found:
+                line, column = document.place(entries, (key,), key=True)
+                message = f"{key!r} is the coordinate {name}, which has an entry already; give it once"
+                problems.append(Problem(document.file, line, column, section, message))
+            found[name] = value
+        return found
+
+    for value in _mappings(root.get("couplings")):
+        if isinstance(value.get("joint"), str):
+            value["joint"] = _coordinate(value["joint"], new)
+        follows = value.get("follows")
+        if isinstance(follows, dict):
+            value["follows"] = renamed("couplings", follows)
+        elif isinstance(follows, str):
+            value["follows"] = _coordinate(follows, new)
+    for key, value in initial.items() if isinstance(initial := root.get("initial"), dict) else ():
+        if key in ("q", "u") and isinstance(value, dict):
+            initial[key] = renamed(f"initial.{key}", value)
+    if isinstance(independent := root.get("independent"), list):
+        independent[:] = [_coordinate(name, new) for name in independent]
+    return problems
 
 
 def _coordinate(name: Any, new: Mapping[str, str]) -> Any:

@@ -66,6 +66,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if len(listed) > _MANY:  # a comparison with all names would take too long
         listed = [n for n in listed if n[:2] == name[:2] and abs(len(n) - len(name)) <= 2][:_MANY]
     matches = difflib.get_close_matches(name, listed, n=1, cutoff=0.6)
+    matches = matches or [n for n in listed if n.lower() == name.lower()]
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 

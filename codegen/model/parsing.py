@@ -85,7 +85,11 @@ def parse(text: str) -> Expression:
             parser.fail("a closing parenthesis without an opening one; remove it")
         if parser.token == ",":
             parser.fail("a comma outside a function's parentheses; remove it")
-        parser.fail(f"{parser.token!r} follows a complete expression; an operator + - * / ** is missing before it")
+        after_name = parser.kind == "number" and text[parser.start - 1].isalpha()
+        power = f"; a power is written **, as in m**{parser.token}" if after_name else ""
+        parser.fail(
+            f"{parser.token!r} follows a complete expression; an operator + - * / ** is missing before it{power}"
+        )
     return Expression(tree)
 
 

@@ -194,6 +194,8 @@ def compose(text: str, file: str) -> Document:
         what = " ".join(str(p) for p in (error.context, error.problem) if p)
         if "\t" in text and "cannot start any token" in what:
             what += " (a tab? YAML is indented with spaces)"
+        if "mapping values are not allowed" in what:
+            what += " (a line above without a space after its colon? a text with a colon and without quotes?)"
         line, column = (found.line + 1, found.column + 1) if found else (1, 1)
         raise ModelError([Problem(file, line, column, "", f"this is not YAML: {what}")]) from None
     except yaml.reader.ReaderError as error:

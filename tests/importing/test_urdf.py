@@ -337,9 +337,32 @@ def test_a_side_file_adds_couplings(tmp_path):
         imported(tmp_path, four_bar(), loops=side)
 
 
+def test_a_side_file_names_coordinates_as_the_robot_file_does(tmp_path):
+    """By a link, by its joint, or by the body of the model, in every section that reads coordinates."""
+    text = four_bar().replace('"coupler"', '"the-coupler"').replace('"j2"', '"drive-2"')
+    side = tmp_path / "side.yaml"
+    expected = None
+    for name in ("the-coupler", "the_coupler", "drive-2"):
+        side.write_text(
+            f"couplings: {{gear: {{joint: j3, follows: {{{name}: -1}}}}}}\n"
+            f"initial: {{q: {{{name}: 0.3, crank: 0.1}}, u: {{{name}: 0.4}}}}\nindependent: [j1, {name}]\n"
+        )
+        found = imported(tmp_path, text, loops=side).model
+        assert [found.bodies[t.body].name for t in found.loops[0].terms] == ["rocker", "the_coupler"]
+        described = repr((found.initial_q, found.initial_u, found.independent))
+        expected = expected or described
+        assert described == expected and "0.3" in described and "0.4" in described
+    side.write_text("loops: {}\ninitial: {q: {the-coupler: 1, drive-2: 2}}")
+    with pytest.raises(
+        codegen.ModelError, match=r"side.yaml:2:31: initial.q: 'drive-2' is the coordinate the_coupler, which has"
+    ):
+        imported(tmp_path, text, loops=side)
+
+
 @pytest.mark.parametrize(
     ("side", "message"),
     [
+        ("loops: {}\nindependent: [crank, rockr]", "side.yaml:2:22: independent[1]: unknown"),
         ("points: {a: {body: crank}}", "side.yaml:1:1: neither a section loops nor couplings"),
         ("loops:\n", None),
         ("loops: {a: {joint: {type: revolute}}}", "side.yaml:1:"),
@@ -356,7 +379,7 @@ def test_what_is_wrong_with_a_side_file_is_said_of_it(tmp_path, side, message):
         return
     with pytest.raises(codegen.ModelError) as error:
         imported(tmp_path, four_bar(), loops=path)
-    assert message in str(error.value) and "side.yaml:1" in str(error.value)
+    assert message in str(error.value) and "side.yaml:" in str(error.value)
 
 
 def test_numbers_become_parameters(tmp_path):

@@ -100,6 +100,14 @@ def test_the_initial_state_is_followed_through_whole_turns(four_bar):
     np.testing.assert_allclose(path, expected, atol=1e-12)
 
 
+def test_a_path_of_a_mechanism_without_parameters(tmp_path):
+    text = FOUR_BAR.replace("parameters:", "constants:").replace("model: four_bar", "model: constant_bar")
+    codegen.generate(codegen.parse_model(text), tmp_path / "constant_bar", target="numpy", functions="accelerations")
+    drivers = np.linspace(0.6, 2.0, 4)
+    path, _ = codegen.load(tmp_path / "constant_bar").assemble({"driver": drivers}, follow=True)
+    np.testing.assert_allclose(path, [on_branch(x, (0.05, 0.11, 0.09, 0.10)) for x in drivers], atol=1e-12)
+
+
 def test_lengths_that_change_are_followed_from_the_defaults(four_bar):
     p = np.array([0.02, 0.16, 0.15, 0.05])
     found, _ = four_bar.assemble({"driver": 2.0}, p=p)

@@ -53,6 +53,23 @@ def test_other_angles_are_not(number):
     assert not warnings_of(f"rpy: [{number}, 0, {number}]")
 
 
+@pytest.mark.parametrize(("number", "turns"), [("90", "14.3"), ("-45", "-7.16"), ("7", "1.11")])
+def test_whole_numbers_beyond_a_turn_seem_to_be_degrees(number, turns):
+    expected = f"{number} rad is {turns} turns; if it is in degrees, write {number} deg"
+    (told,) = warnings_of(f"rpy: [0, {number}, 0]")
+    assert told == f"m.yaml:6:47: warning: bodies.a.joint.rpy[1]: {expected}"
+    start = TEXT.format(turn="at: [0, 0, 0]", axis="y") + f"initial: {{q: {{a: {number}}}}}\n"
+    (told,) = parse_model(start, "m.yaml").warnings
+    assert told == f"m.yaml:9:18: warning: initial.q.a: {expected}"
+    assert not parse_model(start.replace(f"a: {number}", f"a: {number} deg")).warnings
+    assert not parse_model(start.replace("revolute", "prismatic")).warnings
+
+
+def test_visuals_need_no_exact_angles():
+    visuals = "    visuals: [{type: sphere, radius: 0.1, rpy: [1.5708, 0, 0]}]\n"
+    assert not parse_model(TEXT.format(turn="at: [0, 0, 0]", axis="y") + visuals).warnings
+
+
 def test_numbers_that_orient_nothing_are_not():
     assert not warnings_of("at: [1.5708, 0, 0]")
 

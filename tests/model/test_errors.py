@@ -75,6 +75,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("inputs: [motor]", "inputs: [L]", "m.yaml:5:10: inputs[0]: name 'L' is already taken by a parameter*"),
         ("  hand:", "  3rd:", "m.yaml:12:3: bodies.3rd: '3rd' is not a valid name*"),
         ("  L: 1.0", "  sin: 1.0", "m.yaml:4:3: parameters.sin: 'sin' is reserved*"),
+        ("model: m", "model:m", "m.yaml:2:8: this is not YAML: mapping values * (a line above without a space after its colon?*"),
         ("model: m", "model: while", "m.yaml:1:8: model: 'while' is a reserved word*"),
         ("model: m", "model: 4bar", "m.yaml:1:8: model: '4bar' is not a valid name*"),
         ("mass: 1\n", "mass: __import__('os')\n", "m.yaml:15:22: bodies.hand.mass: \"__import__('os')\"*"),

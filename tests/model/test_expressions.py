@@ -164,6 +164,8 @@ def test_names():
         ("", 1, "the expression is empty"),
         ("1 +", 4, "ends here"),
         ("1 2", 3, "operator"),
+        ("2 kN/mm2", 8, "a power is written **, as in m**2"),
+        ("30 RPM", 4, "did you mean 'rpm'?"),
         ("2x", 2, "operator"),
         ("__import__('os')", 12, "quotes"),
         ("a^2", 2, "**"),

@@ -67,7 +67,13 @@ def test_a_fit_that_does_not_fit_says_so(solver):
     samples = {"z": 5.0 + 0.0 * t}  # where the block never is
     found = codegen.fit(solver, t, samples, {"c": (0.4, 0.6)}, sigma=1e-4)
     assert isinstance(found, Fit) and found.variance > 100
-    assert "times as large as sigma" in repr(found)
+    assert "times as large as sigma" in repr(found) and "or the search ended in a local minimum: start from" in repr(
+        found
+    )
+    with pytest.raises(
+        ValueError, match=r"start is {'c': 0\.5}, expected the start of the motion, s; the search starts from"
+    ):
+        codegen.fit(solver, t, samples, ["c"], start={"c": 0.5})
     good = codegen.fit(solver, t, {"z": solver.simulate(np.r_[0.0, t], p={"c": 0.45})["z"][1:]}, ["c"], sigma=1e-4)
     assert repr(good).startswith("1 variable from 12 samples, ")
     assert "as large as sigma" not in repr(good) and "made no progress" not in repr(good)

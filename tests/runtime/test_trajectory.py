@@ -215,6 +215,10 @@ def test_what_it_shows():
         "  dop853: 12 steps, 144 evaluations, 0.0123 s, ended: finished",
         "  total energy changes by 0 at most, loops are open by 5e-13 at most",
     ]
+    assert repr(make(energy=np.linspace([1.0, 2.0], [1.0, 2.5], 51))).splitlines()[3:] == [
+        "  total energy changes by 0.5 at most, loops are open by 5e-13 at most",
+        "  (relative to the energy that is exchanged; joint forces, friction and inputs change the total energy, too)",
+    ]
     short = repr(make(nt=1, by=(), noutputs=0, energy=None, closure=None, stats={"reason": INTERRUPTED}))
     assert short.splitlines() == [
         "Trajectory of linkage: 1 time from 0 to 0 s", "  2 coordinates, 2 speeds", "  ended: interrupted"

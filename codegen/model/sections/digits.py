@@ -1,5 +1,6 @@
-"""Warnings about angles and axes that are rounded from exact values, such as 1.5708 for pi/2. With rounded axes,
-revolute joints that should be parallel are not exactly so, and intended motion may be locked.
+"""Warnings about angles that seem to be in degrees, and about angles and axes that are rounded from exact values, such as
+1.5708 for pi/2. With rounded axes, revolute joints that should be parallel are not exactly so, and intended motion may be
+locked.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ _PART: Final = math.pi / 12
 _EXACT: Final = 1e-13
 _MOST: Final = 48
 """Largest multiple of pi/12 that is recognised: two turns in either sense."""
+_MOST_DEGREES: Final = 3600
+"""Largest number that is taken for an angle in degrees."""
 
 
 def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:
@@ -30,6 +33,20 @@ def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> 
             f"{value!r} is {_multiple(count)} up to {off:.1e} rad; write {_multiple(count)}, so that axes are parallel"
         )
         reader.report(at, sub, message, severity="warning")
+
+
+def check_degrees(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:
+    """Warn of an angle that seems to be in degrees."""
+    value = _number(angle)
+    if value is not None and seems_in_degrees(angle):
+        message = f"{value:g} rad is {value / math.tau:.3g} turns; if it is in degrees, write {value:g} deg"
+        reader.report(at, sub, message, severity="warning")
+
+
+def seems_in_degrees(angle: Expression) -> bool:
+    """Whether an angle is a whole number of radians between one turn and `_MOST_DEGREES`."""
+    value = _number(angle)
+    return value is not None and math.tau < abs(value) <= _MOST_DEGREES and value == round(value)
 
 
 def cut_twelfths(value: float) -> int:

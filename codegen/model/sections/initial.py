@@ -13,6 +13,7 @@ from ..positions import Path_
 from ..reading import Reader
 from .bodies import BodySection
 from .coordinates import Joints, unknown_name, values_of
+from .digits import check_degrees, seems_in_degrees
 
 
 def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Expression]]:
@@ -38,6 +39,11 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
             elif section is not None:
                 for at in reader.expand(file, section, ("initial", part)):
                     _initial_value(reader, at, part, groups[part], result[part], places)
+    if whole := [entry for entry, angle in result["q"].items() if seems_in_degrees(angle)]:
+        unit = {n: u for of in joints.values() for n, u in zip(of.coordinates, of.kind.coordinate_units, strict=True)}
+        for entry in whole:
+            if unit[entry] == "rad":
+                check_degrees(reader, result["q"][entry], *places[f"q.{entry}"])
     for name, of in joints.items():
         if of.kind.quaternions:
             _normalise(reader, name, result["q"], places)

@@ -11,7 +11,7 @@ from ..model import Vector
 from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
-from .digits import check_angle, check_axis
+from .digits import check_angle, check_axis, check_degrees
 
 Bound = Mapping[Path_, Expression]
 """Bound expressions of an entry by their paths in it."""
@@ -68,20 +68,27 @@ def vector(bound: Bound, *sub: str | int) -> Vector:
 
 
 def rotation(
-    reader: Reader, spec: PlacedEntry, at: Instance, sub: Path_, bound: Bound
+    reader: Reader, spec: PlacedEntry, at: Instance, sub: Path_, bound: Bound, *, exact: bool = True
 ) -> tuple[tuple[Vector, Expression], ...]:
     """``rotate`` or ``rpy`` of the frame at a path, as rotations about the rotated axes; rotations by zero are left
-    out."""
+    out. With `exact`, rounded angles and axes cause warnings."""
+
+    def check(angle: Expression, path: Path_) -> None:
+        check_degrees(reader, angle, at, path)
+        if exact:
+            check_angle(reader, angle, at, path)
+
     turns: list[tuple[Vector, Expression]] = []
     for i in range(len(spec.rotate or ())):
         axis = vector(bound, *sub, "rotate", i, "axis")
         reader.direction(axis, at, (*sub, "rotate", i, "axis"))
-        check_axis(reader, axis, at, (*sub, "rotate", i, "axis"))
-        check_angle(reader, bound[*sub, "rotate", i, "angle"], at, (*sub, "rotate", i, "angle"))
+        if exact:
+            check_axis(reader, axis, at, (*sub, "rotate", i, "axis"))
+        check(bound[*sub, "rotate", i, "angle"], (*sub, "rotate", i, "angle"))
         turns.append((axis, bound[*sub, "rotate", i, "angle"]))
     if spec.rpy is not None:
         for k in range(3):
-            check_angle(reader, bound[*sub, "rpy", k], at, (*sub, "rpy", k))
+            check(bound[*sub, "rpy", k], (*sub, "rpy", k))
         # fixed axes x, y, z by roll, pitch, yaw are the rotated axes z, y, x in turn
         turns = [(_AXES[k], bound[*sub, "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
     return tuple(t for t in turns if t[1] is not ZERO)

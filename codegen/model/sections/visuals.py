@@ -61,7 +61,7 @@ def _visual(reader: Reader, entry: Any, at: Instance, sub: Path_, bound: Bound) 
         axis = vector(bound, *sub, "axis")
         reader.direction(axis, at, (*sub, "axis"))
     file = entry.file if isinstance(entry, MeshVisual) else ""
-    turns = rotation(reader, entry, at, sub, bound)
+    turns = rotation(reader, entry, at, sub, bound, exact=False)
     return Visual(entry.type, sizes, vector(bound, *sub, "at"), turns, axis, entry.color, file)
 
 

@@ -62,7 +62,7 @@ class Loops(States):
         if axis is not None and batch[axis] > 1:
             states = np.moveaxis(np.arange(math.prod(batch)).reshape(batch), axis, -1).reshape(-1, batch[axis])
             called = [[_place(n, batch) for n in row] for row in states]
-            flat_q, flat_x = q_new.reshape(-1, self.nq), x.reshape(-1, x.shape[-1])
+            flat_q, flat_x = q_new.reshape(-1, self.nq), x.reshape(states.size, x.shape[-1])
             flat_q[states] = assembly.continued(flat_q[states], flat_x[states], called)
             return q_new
         gaps = np.abs(assembly.newton.gaps(q_new, x if self.prescribed_names else arrays["p"])).max(

@@ -22,6 +22,9 @@ FINISHED, INTERRUPTED = "finished", "interrupted"
 
 Later = ArrayLike | Callable[[], ArrayLike] | None
 
+EXPLAINED_DRIFT = 1e-6
+"""Relative change of the total energy above which a text lists what changes it besides errors of integration."""
+
 LATER: dict[str, Shape] = {"energy": (2,), "closure": ()}
 """Values that are computed at their first use, and their shapes after the time axis."""
 
@@ -458,6 +461,10 @@ class Trajectory:
         drifts = {"total energy changes by": self.energy_drift, "loops are open by": self.closure_drift}
         if told := [f"{words} {x:.2g} at most" for words, x in drifts.items() if x is not None]:
             lines.append(f"  {', '.join(told)}")
+        if (self.energy_drift or 0.0) > EXPLAINED_DRIFT:
+            lines.append(
+                "  (relative to the energy that is exchanged; joint forces, friction and inputs change the total energy, too)"
+            )
         return lines
 
     def __repr__(self) -> str:
