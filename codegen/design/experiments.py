@@ -148,12 +148,7 @@ def take_experiments(
         twice = [n for n in own_names if n in _mapping(wanted)]
         if twice:
             raise ValueError(f"fit: {twice[0]} is a variable of all experiments and also of {label}; give it only once")
-        if not isinstance(one["start"], (int, float, np.number)):
-            raise ValueError(
-                f"fit: start is {one['start']!r}, expected the start of the motion, s; the search starts from the values in p"
-            )
-        last = np.max(one["times"]) if one["times"] is not None and np.size(one["times"]) else one["start"] + 1.0
-        interval = (float(one["start"]), float(last))
+        interval = _interval(one)
         v = Variables(solver, both, one["q"], one["u"], one["p"], one["inputs"], interval)
         places = []
         for k, name in enumerate(v.names):
@@ -184,6 +179,16 @@ def _mapping(wanted: Wanted) -> dict[str, Any]:
     if isinstance(wanted, Mapping):
         return dict(wanted)
     return dict.fromkeys([wanted] if isinstance(wanted, str) else wanted)
+
+
+def _interval(one: Mapping[str, Any]) -> tuple[float, float]:
+    """Start and end of the motion of an experiment."""
+    if not isinstance(one["start"], (int, float, np.number)):
+        raise ValueError(
+            f"fit: start is {one['start']!r}, expected the start of the motion, s; the search starts from the values in p"
+        )
+    last = np.max(one["times"]) if one["times"] is not None and np.size(one["times"]) else one["start"] + 1.0
+    return float(one["start"]), float(last)
 
 
 def _experiment(

@@ -52,5 +52,5 @@ def test_the_quadruped_is_that_of_the_examples():
 def test_the_units_are_those_there_are():
     from codegen.model.units import UNITS
 
-    table = PAGE.partition("| | units |")[2].partition("They are joined")[0]
+    table = PAGE.partition("| | units |")[2].partition("Units are joined")[0]
     assert set(re.findall(r"`(\w+)`", table)) == set(UNITS)
