@@ -407,6 +407,25 @@ def test_independents_that_change_on_the_way(tmp_path: Path, method: Any) -> Non
     same_as_differences(judge, x, np.full(6, 2e-6 if fixed else 1e-4), 1e-8 if fixed else 1e-6)
 
 
+def test_a_platform_of_three_arms(tmp_path: Path) -> None:
+    """Two loops, three degrees of freedom, and arms whose statements the NumPy module shares."""
+    codegen.generate(EXAMPLES / "planar_3rrr.yaml", tmp_path / "package", functions=FUNCTIONS)
+    solver = codegen.load(tmp_path / "package")
+    wrt = ("base_radius", "lower", "platform_mass", "q0.upper_2", "u0.upper_1")
+    wanted = [f(n) for n in ("x", "turn", "kinetic") for f in (Final, Integral)]
+    q0, u0 = solver.initial_state()
+    places = solver.coordinate_names.index("upper_2"), solver.speed_names.index("upper_1")
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        p, q, u = dict(zip(wrt[:3], x[:3], strict=True)), q0.copy(), u0.copy()
+        q[places[0]], u[places[1]] = x[3:]
+        q, u = solver.assemble(q, u, p)
+        return solver.judge(0.3, wanted, q, u, p, wrt=wrt, integrator="rk4", step=0.01, **more)
+
+    p0 = [solver.parameters[solver.parameter_names.index(n)] for n in wrt[:3]]
+    same_as_differences(judge, np.array([*p0, q0[places[0]], 0.5]), np.full(5, 1e-4), 1e-8)
+
+
 def test_joints_of_which_loops_determine_a_part_are_refused(tmp_path: Path) -> None:
     text = (EXAMPLES / "hooke_ladder.yaml").read_text()
     text = text.replace("independent: [rung_0]", "independent: [rung_0.1, rail_1.1]")

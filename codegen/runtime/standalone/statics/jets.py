@@ -39,6 +39,11 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
     def __iter__(self) -> Iterator[Jet]:
         return (self[i] for i in range(len(self)))
 
+    @property
+    def T(self) -> Jet:
+        """The transpose of the values' axes."""
+        return Jet(self.value.T, np.moveaxis(self.slope.T, 0, -1))
+
     def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **options: Any) -> Any:
         rule = RULES.get(ufunc.__name__)
         if rule is None or method != "__call__" or options:
