@@ -198,6 +198,13 @@ def wrong_type(operator: Operator, name: str, found: str, shape: tuple[int, ...]
     )
 
 
+def given_entry(of: Operator, name: str, entry: Any, x: Any) -> Any:
+    """The value of an entry in a mapping; a TypeError if it is None or a mapping, which stand for whole arguments."""
+    if x is None or isinstance(x, Mapping):
+        raise TypeError(f"{of.name}: {name} has {x!r} for {entry!r}, expected a number or an array; leave out defaults")
+    return x
+
+
 def bound(of: Operator, arguments: tuple[Any, ...], named: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments by name; a TypeError names what is missing or unknown."""
     if len(arguments) > len(of.takes):

@@ -71,9 +71,9 @@ FLOORS = {
         "version",
     },  # on solvers; knows no models, and no package carries it
     "operators": {"runtime"},  # functions of solvers with their derivatives
-    "judged_motions": set(),  # functionals as functions of parameters
-    "jax": {"deferred", "judged_motions", "operators", "runtime"},
-    "torch": {"deferred", "judged_motions", "operators", "runtime"},
+    "differentiable_motions": {"design", "runtime"},  # motions as functions of numbers
+    "jax": {"deferred", "differentiable_motions", "operators", "runtime"},
+    "torch": {"deferred", "differentiable_motions", "operators", "runtime"},
 }
 """What each layer may import besides itself. Layers that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed layer may import them."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..operators import Operator, bound, checked_batch, operator, wrong_type
+from ..operators import Operator, bound, checked_batch, given_entry, operator, wrong_type
 
 
 def function(solver: Any, name: str) -> Callable[..., Any]:
@@ -105,10 +105,10 @@ def _array(of: Operator, name: str, x: Any) -> Any:
     if x is None:
         return jnp.asarray(of.defaults[name], of.dtype)
     if isinstance(x, Mapping):
-        base = jnp.asarray(of.defaults[name], of.dtype)
-        for entry, number in x.items():
-            base = base.at[..., of.index(name, entry)].set(_array(of, name, number))
-        return base
+        entries = {of.index(name, entry): _array(of, name, given_entry(of, name, entry, y)) for entry, y in x.items()}
+        batch = jnp.broadcast_shapes(*(y.shape for y in entries.values()))
+        columns = [jnp.broadcast_to(entries.get(i, y), batch) for i, y in enumerate(of.defaults[name].tolist())]
+        return jnp.stack(columns, -1).astype(of.dtype)
     given = getattr(x, "dtype", None)
     weak = getattr(x, "weak_type", False) or (given is not None and jnp.issubdtype(given, jnp.integer))
     if given is not None and given != of.dtype and not weak:

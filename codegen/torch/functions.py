@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..operators import Operator, bound, checked_batch, operator, wrong_type
+from ..operators import Operator, bound, checked_batch, given_entry, operator, wrong_type
 
 
 def function(solver: Any, name: str) -> Callable[..., Any]:
@@ -97,7 +97,10 @@ def tensor(of: Operator, name: str, x: Any, default: Any, kind: Any) -> Any:
     if type(x) is float:
         return torch.tensor(x, dtype=kind)
     if isinstance(x, Mapping):
-        entries = {of.index(name, entry): tensor(of, name, number, default, kind) for entry, number in x.items()}
+        entries = {
+            of.index(name, entry): tensor(of, name, given_entry(of, name, entry, y), default, kind)
+            for entry, y in x.items()
+        }
         batch = torch.broadcast_shapes(*(e.shape for e in entries.values()))
         columns = [entries[i] if i in entries else default[i] for i in range(default.shape[-1])]
         return torch.stack([c.expand(batch) for c in columns], -1)

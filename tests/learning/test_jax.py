@@ -304,3 +304,15 @@ def test_arrays_may_change_before_derivatives_read_them(pendulum: codegen.Solver
     wanted = pendulum.gradients(q, u, p, weights=np.ones(2)).q
     p *= 3.0
     assert (np.asarray(back(jnp.ones(2))[0]) == wanted).all()
+
+
+def test_entries_in_mappings_broadcast(pendulum: codegen.Solver) -> None:
+    f = codegen.jax.function(pendulum, "accelerations")
+    q, u, *_ = states(pendulum, 3)
+    p = {"length_1": np.array([1.0, 1.1, 1.2]), "mass_2": np.ones((2, 1))}
+    np.testing.assert_allclose(f(q, u, p), pendulum.accelerations(q, u, p), rtol=1e-14)
+    slope = jax.grad(lambda x: f(q, u, {"length_1": x})[:, 0].sum())(p["length_1"])
+    wanted = pendulum.sensitivities(q, u, {"length_1": p["length_1"]}, dp={"length_1": 1.0})[1][..., 0]
+    np.testing.assert_allclose(slope, wanted[0], rtol=1e-11)
+    with pytest.raises(TypeError, match="p has None for 'length_1', expected a number"):
+        f(q, u, {"length_1": None})

@@ -1,4 +1,4 @@
-"""Functionals of motions in JAX and PyTorch: values and gradients are those of `judge`."""
+"""Motions as functions in JAX and PyTorch: values and derivatives are those of the solver; bad input raises."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import pytest
 from made_once import made
 
 import codegen
+import codegen.jax
+import codegen.torch
 from codegen.runtime import Final, Integral
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = ("length_1", "mass_2")
-X = np.array([1.1, 0.9])
+NAMES = ("length_1", "mass_2", "q0.upper", "u0.lower")
+X = np.array([1.1, 0.9, 0.3, -0.2])
 FUNCTIONALS = [Final("tip_x"), Integral("kinetic")]
+TIMES = np.linspace(0.0, 0.5, 5)
 
 
 @pytest.fixture(scope="module")
@@ -23,46 +26,173 @@ def solver(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
     return made(codegen.load_model(EXAMPLES / "double_pendulum.yaml"), tmp_path_factory.mktemp("motions") / "double")
 
 
-def expected(solver: codegen.Solver, x: Any = X) -> Any:
-    return solver.judge(0.5, FUNCTIONALS, p=dict(zip(NAMES, x, strict=True)), wrt=NAMES, rtol=1e-10)
+@pytest.fixture(scope="module")
+def four_bar(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
+    return made(codegen.load_model(EXAMPLES / "four_bar.yaml"), tmp_path_factory.mktemp("motions") / "four_bar")
 
 
-def test_jax(solver: codegen.Solver) -> None:
+@pytest.fixture
+def jax() -> Any:
     jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'ordernm[jax]'")
-    import codegen.jax
-
     jax.config.update("jax_enable_x64", True)
+    return jax
+
+
+@pytest.fixture
+def torch() -> Any:
+    return pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ordernm[torch]'")
+
+
+def motion(x: Any) -> dict[str, Any]:
+    """The arguments of the motion at x, as a user gives them."""
+    return {"q": {"upper": x[2]}, "u": {"lower": x[3]}, "p": {"length_1": x[0], "mass_2": x[1]}, "rtol": 1e-10}
+
+
+def judged(solver: codegen.Solver, x: Any = X) -> Any:
+    return solver.judge(0.5, FUNCTIONALS, **motion(x), wrt=NAMES)
+
+
+def simulated(solver: codegen.Solver, x: Any = X) -> tuple[list[Any], list[Any]]:
+    """Results, and their Jacobians with the variables last."""
+    run = solver.simulate(TIMES, **motion(x), sensitivities=NAMES)
+    return [run.q, run.u, run.outputs], [np.moveaxis(d, 0, -1) for d in (run.dq, run.du, run.doutputs)]
+
+
+def close(found: Any, wanted: Any) -> None:
+    for a, b in zip(found, wanted, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-13)
+
+
+def test_functionals_in_jax(solver: codegen.Solver, jax: Any) -> None:
     f = jax.jit(codegen.jax.judge(solver, 0.5, FUNCTIONALS, wrt=NAMES, rtol=1e-10))
-    found = expected(solver)
-    np.testing.assert_allclose(f(X), found.values, rtol=1e-12)
+    found = judged(solver)
+    close([f(X)], [found.values])
     for derivative in (jax.jacfwd, jax.jacrev):
-        np.testing.assert_allclose(jax.jit(derivative(f))(X), found.gradients, rtol=1e-12)
+        close([jax.jit(derivative(f))(X)], [found.gradients])
     several = np.array([X, X + 0.1])
-    slopes = [expected(solver, x).gradients for x in several]
-    np.testing.assert_allclose(jax.vmap(jax.jacrev(f))(several), slopes, rtol=1e-12)
+    slopes = [judged(solver, x).gradients for x in several]
+    for derivative in (jax.jacfwd, jax.jacrev):
+        close(jax.vmap(derivative(f))(several), slopes)
     with pytest.raises(NotImplementedError, match="no second derivatives"):
         jax.hessian(lambda x: f(x)[0])(X)
-    with pytest.raises(ValueError, match=r"x has shape \(3,\), expected \(2,\): length_1, mass_2"):
-        f(np.zeros(3))
-    with pytest.raises(TypeError, match="x has type float32"):
-        f(X.astype("float32"))
-    with pytest.raises(ValueError, match="did you mean 'length_1'"):
-        codegen.jax.judge(solver, 0.5, FUNCTIONALS, wrt="lenght_1")
-    with pytest.raises(TypeError, match="p is not an option here"):
-        codegen.jax.judge(solver, 0.5, FUNCTIONALS, wrt="length_1", p=X)
 
 
-def test_torch(solver: codegen.Solver) -> None:
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ordernm[torch]'")
-    import codegen.torch
-
+def test_functionals_in_torch(solver: codegen.Solver, torch: Any) -> None:
     f = codegen.torch.judge(solver, 0.5, FUNCTIONALS, wrt=NAMES, rtol=1e-10)
-    found, x = expected(solver), torch.tensor(X, requires_grad=True)
-    np.testing.assert_allclose(f(x.detach()), found.values, rtol=1e-12)
+    found, x = judged(solver), torch.tensor(X, requires_grad=True)
+    close([f(x.detach())], [found.values])
     weights = torch.tensor([1.0, -0.3]).double()
-    (gradient,) = torch.autograd.grad((f(x) * weights).sum(), x)
-    np.testing.assert_allclose(gradient, weights.numpy() @ found.gradients, rtol=1e-12)
-    with pytest.raises(ValueError, match=r"x has shape \(3,\)"):
-        f(torch.zeros(3).double())
-    with pytest.raises(TypeError, match="x has type float32"):
-        f(x.float())
+    close(torch.autograd.grad((f(x) * weights).sum(), x), [weights.numpy() @ found.gradients])
+    several = torch.tensor(np.array([X, X + 0.1]))
+    slopes = [judged(solver, y).gradients for y in several.numpy()]
+    for derivative in (torch.func.jacrev, torch.func.jacfwd):
+        close([derivative(f)(x.detach())], [found.gradients])
+        close(torch.func.vmap(derivative(f))(several), slopes)
+    compiled = torch.compile(lambda x: f(x) * 2.0, backend="aot_eager")
+    for y in several:  # the second one does not get the numbers of the first one
+        close([compiled(y)], [2.0 * judged(solver, y.numpy()).values])
+    (slope,) = torch.autograd.grad(f(x)[0], x, create_graph=True)
+    with pytest.raises(NotImplementedError, match="no second derivatives"):
+        slope.sum().backward()
+    for outer in (torch.func.jacfwd, torch.func.jacrev):
+        with pytest.raises(NotImplementedError, match="no second derivatives"):
+            outer(torch.func.jacfwd(lambda x: f(x)[0]))(x.detach())
+
+
+def test_whole_motions_in_jax(solver: codegen.Solver, jax: Any) -> None:
+    f = codegen.jax.simulate(solver, TIMES, wrt=NAMES, rtol=1e-10)
+    values, jacobians = simulated(solver)
+    close(jax.jit(f)(X), values)
+    for derivative in (jax.jacfwd, jax.jacrev):
+        close(jax.jit(derivative(f))(X), jacobians)
+        close(jax.vmap(derivative(f))(np.array([X - 0.1, X]))[0][1:], jacobians[:1])
+    wanted = np.einsum("tn,tnk->k", 2.0 * values[0], jacobians[0]) + jacobians[2][2].sum(0)
+    close([jax.jit(jax.grad(lambda x: (f(x).q ** 2).sum() + f(x).outputs[2].sum()))(X)], [wanted])
+
+
+def test_whole_motions_in_torch(solver: codegen.Solver, torch: Any) -> None:
+    f = codegen.torch.simulate(solver, TIMES, wrt=NAMES, rtol=1e-10)
+    values, jacobians = simulated(solver)
+    x = torch.tensor(X, requires_grad=True)
+    close([y.detach() for y in f(x)], values)
+    for derivative in (torch.func.jacfwd, torch.func.jacrev):
+        close(derivative(f)(x.detach()), jacobians)
+    wanted = np.einsum("tn,tnk->k", 2.0 * values[0], jacobians[0]) + jacobians[2][2].sum(0)
+    run = f(x)
+    close(torch.autograd.grad((run.q**2).sum() + run.outputs[2].sum(), x), [wanted])
+
+
+def test_gradients_by_many_variables_use_the_adjoint(solver: codegen.Solver, jax: Any, monkeypatch: Any) -> None:
+    names = [*solver.parameter_names, "q0.upper", "q0.lower", "u0.upper", "u0.lower"]
+    f = codegen.jax.simulate(solver, TIMES, wrt=names, rtol=1e-10)
+    x = np.concatenate([solver.parameters, *solver.initial])
+    weights = np.cos(np.arange(len(TIMES) * solver.noutputs)).reshape(len(TIMES), -1)
+    run = solver.simulate(TIMES, sensitivities=names, rtol=1e-10)
+    seen = []
+    monkeypatch.setattr(type(solver), "judge", _noting(type(solver).judge, seen))
+    found = jax.grad(lambda x: (f(x).outputs * weights).sum())(x)
+    np.testing.assert_allclose(found, np.einsum("tn,ktn->k", weights, run.doutputs), rtol=1e-9, atol=1e-9)
+    assert seen == ["adjoint"]
+
+
+def _noting(judge: Any, seen: list[str]) -> Any:
+    def noted(*given: Any, **named: Any) -> Any:
+        found = judge(*given, **named)
+        seen.append(found.method)
+        return found
+
+    return noted
+
+
+def test_loops_and_inputs_are_variables(four_bar: codegen.Solver, jax: Any, recwarn: Any) -> None:
+    """Dependent coordinates follow, without a warning; a whole input stands for its values."""
+    inputs = ([0.0, 0.2, 0.4], [[1.0], [2.0], [0.0]], "cubic")
+    f = codegen.jax.judge(
+        four_bar, 0.4, Final("trace_x"), wrt=("q0.crank", "coupler_length", "inputs.motor"), inputs=inputs
+    )
+    x = np.array([0.9, 1.21, 0.5, 1.5, -0.5])
+    slopes = jax.jacrev(f)(x)
+    step = 1e-6
+    for i, d in enumerate(np.eye(5) * step):
+        difference = (f(x + d) - f(x - d)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, i], difference, rtol=1e-5, atol=1e-8)
+    q, u = four_bar.assemble({"crank": 0.9}, None, {"coupler_length": 1.21})
+    p = {"coupler_length": 1.21}
+    wanted = four_bar.judge(0.4, Final("trace_x"), q, u, p, (inputs[0], x[2:, None], "cubic"))
+    np.testing.assert_allclose(f(x), wanted.values, rtol=1e-12)
+    assert not recwarn.list
+
+
+def test_what_changes_later_does_not_matter(solver: codegen.Solver, torch: Any) -> None:
+    q = np.array([0.3, 0.4])
+    f = codegen.torch.judge(solver, 0.5, FUNCTIONALS, wrt="length_1", q=q)
+    x = torch.tensor([1.0]).double()
+    before = f(x)
+    q += 1.0
+    assert (f(x) == before).all()
+
+
+@pytest.mark.parametrize("library", ["jax", "torch"])
+def test_wrong_arguments_raise(library: str, solver: codegen.Solver, request: Any) -> None:
+    request.getfixturevalue(library)
+    of = getattr(codegen, library)
+    f = of.judge(solver, 0.5, FUNCTIONALS, wrt=NAMES)
+    single = np.zeros(4, np.float32) if library == "jax" else request.getfixturevalue("torch").zeros(4)
+    cases = [
+        (lambda: f([0.0] * 3), ValueError, r"x has shape \(3,\), expected \(4,\): length_1, mass_2"),
+        (lambda: f(single), TypeError, "x has type float32"),
+        (lambda: of.judge(solver, 0.5, FUNCTIONALS, wrt="lenght_1"), ValueError, "did you mean 'length_1'"),
+        (lambda: of.judge(solver, 0.5, FUNCTIONALS, wrt=["mass_1", "mass_1"]), ValueError, "name 'mass_1' twice"),
+        (lambda: of.judge(solver, 0.5, FUNCTIONALS, wrt=[]), ValueError, "there are no variables"),
+        (lambda: of.judge(solver, 0.5, FUNCTIONALS, wrt="mass_1", dq0=X), TypeError, "dq0 is not an option here"),
+        (
+            lambda: of.judge("pendulum", 0.5, FUNCTIONALS, wrt="mass_1"),
+            TypeError,
+            "expected a solver with judge, not str",
+        ),
+        (lambda: of.simulate(solver, 0.5, wrt="mass_1"), ValueError, r"t has shape \(\), expected at least two"),
+        (lambda: of.simulate(solver, TIMES, wrt="mass_1", events="tip_x"), TypeError, "events is not an option here"),
+    ]
+    for call, error, message in cases:
+        with pytest.raises(error, match=message):
+            call()

@@ -177,6 +177,7 @@ def test_wrong_arguments_raise(pendulum: codegen.Solver, satellite: codegen.Solv
         (lambda: f(q, u[:2], p), ValueError, r"do not broadcast: q \(3, 2\), u \(2, 2\)"),
         (lambda: f(q.float(), u, p), TypeError, "q has type float32 and shape .*expected float64"),
         (lambda: f(q, u, {"lenght_1": 1.0}), ValueError, "did you mean 'length_1'"),
+        (lambda: f(q, u, {"length_1": None}), TypeError, "p has None for 'length_1'"),
         (lambda: f(q), TypeError, "u missing; arguments are q, u, p, inputs, t"),
         (lambda: f("q", u), TypeError, "q is 'q', expected numbers"),
         (lambda: f(q.to("meta"), u), ValueError, "solvers compute on the CPU"),
