@@ -1,4 +1,5 @@
-"""Motions that begin exactly where a force changes its branch: derivatives that agree on both sides, or NaN with a warning."""
+"""Motions that begin, and inputs that jump, exactly to where a force changes its branch: right values; derivatives that agree on
+both sides, or NaN with a warning."""
 
 from __future__ import annotations
 
@@ -91,3 +92,45 @@ def test_derivatives_at_a_start_on_a_switch(made: Callable[..., Made], integrato
                 assert any(name in str(w.message).split("do not exist")[0] for w in said), (body, way, name)
             for name, x in exact.get(body, {}).items():
                 assert row[name] == pytest.approx(x, abs=1e-8), (body, way, name)
+
+
+GATES = """
+model: gates
+parameters: {mu: 1.0, c: 5.0}
+inputs: [gate]
+bodies:
+  from: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  above: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  up_to: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  side: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  more: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  from: {type: joint, joint: from, value: "if(gate >= mu, c, 1)"}
+  above: {type: joint, joint: above, value: "if(gate > mu, c, 1)"}
+  up_to: {type: joint, joint: up_to, value: "if(gate <= mu, c, 1)"}
+  side: {type: joint, joint: side, value: "c*sign(gate - mu)"}
+  more: {type: joint, joint: more, value: "c*max(gate - mu, 0)"}
+"""
+
+
+@pytest.mark.parametrize("values", [(0, 1, 0), (1, 0, 1), (2, 1, 2), (1, 2, 1), (0, 1, 2), (1, 1, 1)])
+@pytest.mark.parametrize("method", ["dop853", "radau", "rk4"])
+def test_an_input_that_jumps_exactly_to_a_threshold(
+    made: Callable[..., Made], method: str, values: tuple[int, ...]
+) -> None:
+    """The branch before the jump was kept in silence: `gate >= 1` remained false where gate became 1."""
+    solver: Any = made(parsed, GATES).solver
+    options = {"step": 0.05} if method == "rk4" else {}
+    inputs = ([0.0, 0.4, 0.7], [[float(g)] for g in values], "hold")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run = solver.simulate([0.0, 1.0], inputs=inputs, sensitivities=["c", "mu"], method=method, **options)
+    x, v, by_c, v_by_c = (np.zeros(5) for _ in range(4))
+    for h, g in zip((0.4, 0.3, 0.3), values, strict=True):
+        of_c = np.array([g >= 1, g > 1, g <= 1, np.sign(g - 1), max(g - 1, 0)], float)
+        force = 5 * of_c + (1 - of_c) * np.array([1, 1, 1, 0, 0])
+        x, v = x + h * v + h * h / 2 * force, v + h * force
+        by_c, v_by_c = by_c + h * v_by_c + h * h / 2 * of_c, v_by_c + h * of_c
+    np.testing.assert_allclose(run.q[-1], x, rtol=0.0, atol=1e-11)
+    np.testing.assert_allclose(run.dq[0, -1], by_c, rtol=0.0, atol=1e-11)
+    assert np.isnan(run.dq[1, -1]).all() and any("derivatives of the motion by mu" in str(w.message) for w in said)

@@ -213,38 +213,44 @@ static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k
     return leaves*(m->problem->end - m->problem->start) > ROUNDED*MOMENT ? sign_of(way[0]) : 0.0; /* not by rounding errors */
 }
 
-/* The modes at the start. Where a switching function is zero, its rates with all modes are compared. Returns 0, the status of a function,
- * or SLIDES with the switch in the results. */
-int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
+/* Sets the mode of a switch. Where its function is zero, its rates with all modes are compared. Returns 0, the status of a function, or
+ * SLIDES with the switch in the results. */
+static int choose_mode(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar *const rate = m->trial;
-    int status;
+    int status = ordernm_switching(m, t, z); /* with the modes so far: if one is a jump, later functions jump too */
+    if (status) return status;
+    const scalar g = m->switches[k];
+    if (m->system->switch_kind[k] > ORDERNM_ROOT) {
+        m->modes[k] = mode_of(m, k);
+        return 0;
+    }
+    const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion, loops may not close */
+    scalar way[3]; /* with the modes -1, 0, 1 */
+    for (int n = 0; n < 3; ++n) {
+        const int mode = n == 0 ? side : n == 1 ? 0 : -side;
+        m->modes[k] = mode;
+        if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
+        if ((status = ordernm_switch_speed(m, t, z, rate, k, way + 1 + mode))) return status;
+        if (n == 0 && !is_zero_at_start(m, g, way[1 + side])) return 0;
+    }
+    if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
+    else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
+    else if (way[1] == 0.0) m->modes[k] = way[0] == 0.0 && way[2] == 0.0 ? mode_from_rest(m, t, z, k) : 0.0; /* rests at the switch */
+    else if (way[2] < 0.0) {
+        m->results->component = k;
+        return SLIDES;
+    } else m->modes[k] = 1.0;
+    return 0;
+}
+
+/* The modes at the start. Returns 0, the status of a function, or SLIDES. */
+int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
+{
     for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
     for (int i = 0; i < m->nheld; ++i) {
-        const int k = m->held[i];
-        if ((status = ordernm_switching(m, t, z))) return status; /* later functions may jump with an earlier switch */
-        const scalar g = m->switches[k];
-        if (m->system->switch_kind[k] > ORDERNM_ROOT) {
-            m->modes[k] = mode_of(m, k);
-            continue;
-        }
-        const int side = g > 0.0 ? 1 : -1; /* with the other branch of prescribed motion, loops may not close */
-        scalar way[3]; /* with the modes -1, 0, 1 */
-        for (int n = 0; n < 3; ++n) {
-            const int mode = n == 0 ? side : n == 1 ? 0 : -side;
-            m->modes[k] = mode;
-            if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
-            if ((status = ordernm_switch_speed(m, t, z, rate, k, way + 1 + mode))) return status;
-            if (n == 0 && !is_zero_at_start(m, g, way[1 + side])) break;
-        }
-        if (!is_zero_at_start(m, g, way[1 + side])) m->modes[k] = side;
-        else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
-        else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
-        else if (way[1] == 0.0) m->modes[k] = way[0] == 0.0 && way[2] == 0.0 ? mode_from_rest(m, t, z, k) : 0.0; /* rests at the switch */
-        else if (way[2] < 0.0) {
-            m->results->component = k;
-            return SLIDES;
-        } else m->modes[k] = 1.0;
+        const int status = choose_mode(m, t, z, m->held[i]);
+        if (status) return status;
     }
     memset(m->crossed, 0, m->system->nswitches*sizeof(scalar));
     return 0;
@@ -333,10 +339,20 @@ int ordernm_limit_turns(ordernm_motion *m)
     return 0;
 }
 
-/* At a knot of the inputs, switching functions may jump; its time has no derivatives. */
+/* At a knot of the inputs, switching functions may jump; its time has no derivatives. Where a function jumps to zero, as that of
+ * gate >= 1 does if an input becomes 1, its mode is chosen as at the start. Returns 0, the status of a function, or SLIDES. */
 int ordernm_follow_inputs(ordernm_motion *m)
 {
-    return ordernm_follow(m, m->t, m->z, 0);
+    int status = ordernm_follow(m, m->t, m->z, 0);
+    for (int i = 0; i < m->nheld && !status; ++i) {
+        const int k = m->held[i];
+        if (m->system->switch_kind[k] > ORDERNM_ROOT || m->let_go[k] != 0.0) continue;
+        if (m->modes[k] == 0.0 && fabs(m->switches[k]) > ROUNDED) m->modes[k] = sign_of(m->switches[k]); /* leaves zero */
+        if (fabs(m->switches[k]) > ROUNDED || !(m->crossing[m->problem->nevents + i] > ROUNDED)) continue;
+        status = choose_mode(m, m->t, m->z, k);
+        if (!status) status = ordernm_switching(m, m->t, m->z);
+    }
+    return status;
 }
 
 /* ---- Rows of steps. ---- */
