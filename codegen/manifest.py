@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from .display import display
@@ -92,6 +92,7 @@ def manifest(
     functions = _functions(procedures, operations)
     independent_q, independent_u = system.independent
     q0, u0 = _initial(model)
+    q_assembled = _of_free(system, assembled) or q0
     return {
         "name": model.name,
         "coordinate_names": list(model.coordinate_names),
@@ -111,7 +112,8 @@ def manifest(
         "independent_names": [model.coordinate_names[i] for i in independent_q],
         "independent_speed_names": [model.speed_names[i] for i in independent_u],
         "prescribed_names": list(model.prescribed_names),
-        "initial": {"q": _of_free(system, assembled) or q0, "u": u0},
+        "initial": {"q": q_assembled, "u": u0},
+        **_moved_initial(model, independent_q, q0, q_assembled),
         **({"initial_at_rest": True} if model.initial_at_rest else {}),
         "quaternions": [i for i, name in enumerate(model.coordinate_names) if name.endswith(".qw")],
         "links": [link.name for link in system.links],
@@ -141,6 +143,20 @@ def _initial(model: Model) -> tuple[list[float], list[float]]:
 
     q = [value(model.initial_q.get(n), float(n.endswith(".qw"))) for n in model.coordinate_names]
     return q, [value(model.initial_u.get(n), 0.0) for n in model.speed_names]
+
+
+def _moved_initial(model: Model, independent: Sequence[int], q0: list[float], assembled: list[float]) -> dict[str, Any]:
+    """The initial values of independent coordinates that the model specifies and assembly has changed, because the loops
+    cannot be closed with them."""
+    names = model.coordinate_names
+    moved = {
+        names[i]: q0[i]
+        for i in independent
+        if names[i] in model.initial_q
+        and names[i][-3:] not in (".qw", ".qx", ".qy", ".qz")  # these may have been normalised
+        and abs(assembled[i] - q0[i]) > 1e-9 * max(1.0, abs(q0[i]))
+    }
+    return {"moved_initial": moved} if moved and not model.initial_at_rest else {}
 
 
 def _functions(procedures: tuple[Procedure, ...], operations: Mapping[str, Any]) -> dict[str, Any]:

@@ -242,3 +242,19 @@ def test_random_mechanisms_are_followed_as_motions_go(tmp_path, seed):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert differences(solver, ways) == {}
+
+
+def test_initial_values_that_assembly_has_changed_are_reported_when_a_package_is_loaded(tmp_path):
+    """The driver is too long to reach its initial angle. An angle that it reaches is kept, without a warning."""
+    far = FOUR_BAR.replace("a: 0.05", "a: 0.15").replace("driver: 0.6", "driver: 3.0")
+    codegen.generate(codegen.parse_model(far), tmp_path / "far", target="numpy", functions="accelerations")
+    with pytest.warns(
+        RuntimeWarning, match=r"four_bar: the loops cannot be closed .*: driver from 3 to ([-\d.]+)\. Give"
+    ) as told:
+        solver = codegen.load(tmp_path / "far")
+    assert re.search(r"to ([-\d.]+)\. Give", str(told[0].message))[1] == f"{solver.initial[0][0]:.4g}"
+    near = far.replace("driver: 3.0", "driver: 1.0")
+    codegen.generate(codegen.parse_model(near), tmp_path / "near", target="numpy", functions="accelerations")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert codegen.load(tmp_path / "near").initial[0][0] == 1.0
