@@ -115,7 +115,9 @@ PENDULUM = {
     "operations": {},
 }
 
-SIZES = {"q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1}
+SIZES = {
+    "q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1, "force_weights": 1, "energy_weights": 2, "output_weights": 0
+}  # fmt: skip
 
 
 @pytest.fixture
