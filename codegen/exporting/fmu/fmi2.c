@@ -215,7 +215,9 @@ EXPORT status FMI(fmi2NewDiscreteStates)(instance of, event_info *info)
 {
     BEGIN("fmi2NewDiscreteStates", ONLY(EVENT_MODE));
     memset(info, 0, sizeof *info);
-    return unit_events(x);
+    const status found = unit_events(x, &info->next);
+    info->next_defined = isfinite(info->next) != 0;
+    return found;
 }
 
 EXPORT status FMI(fmi2EnterContinuousTimeMode)(instance of)

@@ -293,9 +293,10 @@ EXPORT status FMI(fmi3UpdateDiscreteStates)(instance of, bool *again, bool *term
     double *next)
 {
     BEGIN("fmi3UpdateDiscreteStates", ONLY(EVENT_MODE));
-    *again = *terminate = *nominals = *states = *next_defined = false;
-    *next = 0.0;
-    return unit_events(x);
+    *again = *terminate = *nominals = *states = false;
+    const status found = unit_events(x, next);
+    *next_defined = isfinite(*next);
+    return found;
 }
 
 EXPORT status FMI(fmi3EnterContinuousTimeMode)(instance of)

@@ -12,7 +12,8 @@ from ...runtime.sections import motion_files
 from ...runtime.standalone.motion.settings import METHODS
 from ...runtime.standalone.motion.switches import switch_words
 from ...version import __version__
-from .variables import Variable, indicators
+from .events import indicators, scheduled
+from .variables import Variable
 
 LEFT_OUT = (
     "curvature.c",
@@ -72,10 +73,12 @@ def _contents(
     ]  # fmt: skip
     has_switches = bool(manifest.get("switches"))
     switches = [switch_words(manifest, k) for k in range(len(model.switches.found))] if has_switches else []
+    of_state, of_time = indicators(model, manifest), scheduled(model, manifest)
     tables = [
         _numbers("initial_q", initial["q"]), _numbers("initial_u", initial["u"]),
         _numbers("parameters", [p.value for p in model.parameters]), _texts("variables", [x.name for x in found]),
         _texts("singular", singular), _texts("switches", switches),
+        _numbers("indicators", of_state, "int"), _numbers("scheduled", of_time, "int"),
     ]  # fmt: skip
     computed = "initial" in manifest["functions"]
     members = {
@@ -83,7 +86,8 @@ def _contents(
         "initial": f"{model.name}_initial" if computed else "0",
         "initial_along": f"{model.name}_initial_sensitivities_1" if computed else "0",
         "at_rest": str(int(model.initial_at_rest)), "variables": "variables", "singular": "singular",
-        "switches": "switches", "nindicators": str(len(indicators(model, manifest))), "method": str(METHODS.index(method)),
+        "switches": "switches", "indicators": "indicators", "nindicators": str(len(of_state)), "scheduled": "scheduled",
+        "nscheduled": str(len(of_time)), "method": str(METHODS.index(method)),
         "moved": str(int("t" in manifest["functions"].get("closing_step", {"arguments": ()})["arguments"])), "rtol": repr(rtol),
     }  # fmt: skip
     context = {
@@ -94,9 +98,10 @@ def _contents(
     return render("export/fmu.c.jinja", context)
 
 
-def _numbers(name: str, values: Sequence[float]) -> list[str]:
+def _numbers(name: str, values: Sequence[float], kind: str = "scalar") -> list[str]:
     """A table of numbers; C has no empty ones."""
-    return [f"static const scalar {name}[] = {{", *(f"    {float(x)!r}," for x in values or [0.0]), "};"]
+    listed = map(float if kind == "scalar" else int, values or [0])
+    return [f"static const {kind} {name}[] = {{", *(f"    {x!r}," for x in listed), "};"]
 
 
 def _texts(name: str, values: Sequence[str]) -> list[str]:

@@ -15,6 +15,10 @@ enum { LONGEST_TEXT = 1024, MOST_STEPS_OF_A_STEP = 1000000 };
 /* Relative difference between the importer's communication point and the instance's time. */
 static const scalar SAME_TIME = 1e-9;
 
+/* Relative difference of times within which an event known in advance is reached; and, relative to its duration, the one within which a
+ * motion that starts at a switch has reached it (switches.c). */
+static const scalar SAME_MOMENT = 1e-12, AT_ZERO = 1e-13;
+
 /* Step, relative to the time, below which rounding errors of the time stop the integrator. */
 static const scalar SMALLEST_STEP = 1e-12;
 
@@ -217,7 +221,7 @@ int unit_in(unit *x, const char *call, unsigned modes)
 /* A function that changes its sign at an event. The mode of an angle is held up to half a turn. */
 static scalar indicator(unit *x, int i)
 {
-    const int k = x->motion->held[i];
+    const int k = x->model->indicators[i];
     if (x->system->switch_kind[k] != ORDERNM_TURN) return x->switches[k];
     x->motion->switches[k] = x->switches[k];
     return ordernm_side(x->motion, k);
@@ -370,19 +374,24 @@ int unit_started(unit *x)
                     "not start at rest, unless you set the coordinates of their equilibrium");
 }
 
-/* Event Mode: the modes of switches become those of the state. */
-int unit_events(unit *x)
+/* Event Mode: the modes of switches become those of the state. `next` is the time of the next event that is known in advance, or infinite.
+ * An event counts as reached within rounding errors of the time. */
+int unit_events(unit *x, scalar *next)
 {
+    const scalar rounding = SAME_MOMENT*(1.0 + fabs(*x->t));
+    *next = INFINITY;
     if (x->integrates) return UNIT_OK;
     int status = unit_update(x);
     if (status) return status;
     continue_inputs(x, *x->t, 1.0);
+    x->problem.end = x->problem.start + rounding/AT_ZERO;
     status = unit_settle(x);
     if (status == SLIDES)
         return unit_say(x, UNIT_ERROR, "at t = %.9g s, where %s changes its branch, forces on both sides push the motion back, so that it "
                         "sticks or slides there, which neither branch describes; smooth the change, as by tanh or step(x, from, to)",
                         *x->t, x->model->switches[x->results.component]);
-    return status ? unit_failed(x, status) : UNIT_OK;
+    if (status) return unit_failed(x, status);
+    return x->model->nscheduled ? unit_next_event(x, *x->t + rounding, next) : UNIT_OK;
 }
 
 /* ---- Co-Simulation. ---- */

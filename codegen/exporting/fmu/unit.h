@@ -1,7 +1,7 @@
 /* One instance of a functional mock-up unit (FMU), the same for both versions of the standard. fmi2.c and fmi3.c translate its calls.
  *
  * Variables have a value reference: time; all coordinates; all speeds; time derivatives of the independent coordinates and speeds;
- * parameters; inputs; outputs; switching functions with held modes, in this order. */
+ * parameters; inputs; outputs; event indicators, in this order. */
 #ifndef ORDERNM_UNIT_H
 #define ORDERNM_UNIT_H
 
@@ -18,7 +18,8 @@ typedef struct {
     const char *const *variables;     /* names by value reference */
     const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
     const char *const *switches;      /* descriptions of all switches */
-    int nindicators;                  /* number of switches with held modes */
+    const int *indicators, *scheduled; /* [nindicators], [nscheduled] held switches: with an event indicator; at times known in advance */
+    int nindicators, nscheduled;
     int moved;                        /* loops depend on time, by prescribed motion */
     int method;                       /* of the integrator */
     scalar rtol;                      /* of the integrator, unless the importer gives a tolerance */
@@ -79,7 +80,7 @@ int unit_set_states(unit *x, const scalar *states, size_t n);
 int unit_get_states(unit *x, scalar *states, size_t n);
 int unit_get_rates(unit *x, scalar *rates, size_t n);
 int unit_get_indicators(unit *x, scalar *values, size_t n);
-int unit_events(unit *x);
+int unit_events(unit *x, scalar *next);
 int unit_step(unit *x, scalar t, scalar h);
 size_t unit_serialized_bytes(const unit *x);
 int unit_save(unit *x, void **saved);
@@ -96,6 +97,7 @@ void unit_arguments(unit *x, ordernm_call *c);
 int unit_failed(unit *x, int status);
 
 /* unit_derivatives.c */
+int unit_next_event(unit *x, scalar after, scalar *next);
 int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,
     scalar *result);
 int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsigned *knowns, size_t nknowns, const scalar *seed,

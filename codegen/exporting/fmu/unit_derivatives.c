@@ -1,6 +1,7 @@
 /* Derivatives of all variables with respect to states, inputs, parameters and time, with loops that stay closed. */
 #include "unit.h"
 
+#include <math.h>
 #include <string.h>
 
 static const char NOT_KNOWN[] = "there are no derivatives with respect to %s, only with respect to independent coordinates and speeds, "
@@ -69,7 +70,7 @@ static scalar *unknown_of(const unit *x, unsigned variable)
     case OF_U: return x->dfull_u + k;
     case OF_RATE: return k < x->nfq ? x->dqdot + s->free_q[k] : x->dudot + s->free_u[k - x->nfq];
     case OF_OUTPUT: return x->doutputs + k;
-    default: return x->dswitches + x->motion->held[k];
+    default: return x->dswitches + x->model->indicators[k];
     }
 }
 
@@ -84,6 +85,26 @@ static int seed_initial(unit *x)
     for (int i = 0; i < x->nfu; ++i)
         if (x->given[x->nfq + i] == 0.0) x->du[s->free_u[i]] += x->dudot[s->free_u[i]];
     return status;
+}
+
+/* The earliest time after `after` at which a switch that is linear in time is zero; infinite if there is none. */
+int unit_next_event(unit *x, scalar after, scalar *next)
+{
+    scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
+    const unit_model *const m = x->model;
+    ordernm_call c;
+    int status = unit_update(x);
+    if (status) return status;
+    clear(x, of);
+    *x->dt = 1.0;
+    unit_arguments(x, &c);
+    if ((status = differentiate(x, &c, 1u << OF_SWITCH))) return unit_failed(x, status);
+    *next = INFINITY;
+    for (int i = 0; i < m->nscheduled; ++i) {
+        const scalar at = *x->t - x->switches[m->scheduled[i]]/x->dswitches[m->scheduled[i]];
+        if (at > after && at < *next) *next = at;
+    }
+    return UNIT_OK;
 }
 
 /* result = d unknowns/d knowns * seed. */

@@ -9,6 +9,7 @@ from typing import Any
 from ...model.errors import ModelError
 from ...model.model import Model
 from ...runtime.standalone.motion.switches import switch_words
+from .events import indicators
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +54,6 @@ class Variable:
         if self.kind == "time":
             return None
         return "calculated" if self.start is None else "approx" if self.free else "exact"
-
-
-def indicators(model: Model, manifest: Mapping[str, Any]) -> list[int]:
-    """Numbers of the switches with modes that motions hold."""
-    if not manifest.get("switches"):
-        return []
-    return [k for k, s in enumerate(model.switches.found) if s.kind != "point" and (s.drives or s.moves)]
 
 
 def variables(model: Model, manifest: Mapping[str, Any]) -> list[Variable]:
