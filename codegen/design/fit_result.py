@@ -12,6 +12,7 @@ from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
 from ..runtime.standalone.trajectory.trajectory import Trajectory, counted
 from .experiments import Experiment, Space
+from .fit_curvature import covariance_of, profile_interval
 from .outcome import at_bound
 
 PART = 1e-3
@@ -47,6 +48,11 @@ class Fit:
         finite.
     correlations : ndarray (n, n)
         Correlations of the values.
+    hessian : ndarray (n, n) or None
+        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is that part of it
+        that remains if the motion were linear in the variables.
+    full_covariance : ndarray (n, n) or None
+        Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if that is not positive definite.
     undetermined : tuple of dict of str to float
         Directions along which no sample changes, as changes of variables in their units.
     at_bounds : dict of str to str
@@ -103,11 +109,14 @@ class Fit:
     failures: tuple[str, ...]
     cost: float = field(repr=False)
     first_cost: float = field(default=math.nan, repr=False)
+    hessian: Array | None = field(default=None, repr=False)
+    full_covariance: Array | None = field(default=None, repr=False)
+    search: Any = field(default=None, repr=False)
 
     @classmethod
     def of(
         cls, space: Space, x: Array, residuals: Array, jacobian: Array, experiments: tuple[Experiment, ...],
-        trajectories: tuple[Trajectory, ...], *, sigma_given: bool, undetermined: float, **more: Any,
+        trajectories: tuple[Trajectory, ...], *, sigma_given: bool, undetermined: float, by_x: Array | None = None, **more: Any,
     ) -> Fit:  # fmt: skip
         """Make a fit from residuals and their Jacobian.
 
@@ -129,6 +138,8 @@ class Fit:
             Whether standard deviations were given.
         undetermined : float
             Part of the largest singular value below which a direction is not determined.
+        by_x : ndarray (n, n), optional
+            Second derivatives of half the sum of squares by x.
         **more
             Further fields of the fit.
 
@@ -162,6 +173,12 @@ class Fit:
         covariance[np.ix_(free, free)] = inverse * np.outer(scale, scale) * (1.0 if sigma_given else variance)
         lost = free[part.any(axis=0)]
         covariance[lost, :] = covariance[:, lost] = np.nan
+        if by_x is not None:
+            full = np.full((n, n), np.nan)
+            full[np.ix_(free, free)] = covariance_of(by_x[np.ix_(free, free)], rows[kept]) * np.outer(scale, scale)
+            full[lost, :] = full[:, lost] = np.nan
+            more["full_covariance"] = full * (1.0 if sigma_given else variance)
+            more["hessian"] = by_x / np.outer(space.scale, space.scale)
         deviations = np.sqrt(np.diag(covariance))
         deviations[lost] = np.inf
         with np.errstate(all="ignore"):
@@ -232,14 +249,59 @@ class Fit:
         >>> lower < 1.1 < upper
         True
         """
+        value, deviation, factor = self[name], self.deviation(name), self._factor(probability)
+        return value - factor * deviation, value + factor * deviation
+
+    def profile(self, name: str, probability: float = 0.95) -> tuple[float, float]:
+        """Return the profile likelihood interval of a variable, which needs no linear model.
+
+        At each value of the variable, all others take their best values. The interval contains the values with which
+        the sum of squares grows by less than the square of the factor of `interval`. Each end takes some motions.
+
+        Parameters
+        ----------
+        name : str
+            Name of the variable.
+        probability : float, optional
+            Probability of the interval, as in `interval`.
+
+        Returns
+        -------
+        lower, upper : float
+            Ends of the interval, in the model's unit: the variable's bound if that is nearer, and infinite if the
+            samples do not limit the variable on this side. Where motions fail, the last value that did not fail.
+
+        Raises
+        ------
+        ValueError
+            If the variable is at a bound, or the loss of the fit was not "linear".
+
+        Examples
+        --------
+        >>> times = np.linspace(0.0, 1.0, 11)
+        >>> true = solver.simulate(times, p={"length_1": 1.1})
+        >>> found = ordernm.fit(solver, times, {"upper": true["upper"]}, "length_1", sigma=0.01)
+        >>> lower, upper = found.profile("length_1")
+        >>> lower < 1.1 < upper
+        True
+        """
+        i, factor = self._place(name), self._factor(probability)
+        if self.search is None:
+            raise ValueError("profile: the loss of this fit is not 'linear'; allowed are fits with loss='linear'")
+        if name in self.at_bounds:
+            raise ValueError(f"profile: {name} is at its {self.at_bounds[name]} bound; move the bound, and fit again")
+        if math.isinf(self.deviations[i]):
+            return -math.inf, math.inf
+        return profile_interval(self.search, name, i, factor, 1.0 if self.sigma_given else self.variance)
+
+    def _factor(self, probability: float) -> float:
+        """Half the width of an interval, in standard deviations."""
         from scipy.stats import norm, t
 
         if not 0 < probability < 1:
             raise ValueError(f"probability is {probability!r}, expected a number between 0 and 1")
         at = (1 + probability) / 2
-        factor = float(norm.ppf(at) if self.sigma_given else t.ppf(at, self.freedom))
-        value, deviation = self[name], self.deviation(name)
-        return value - factor * deviation, value + factor * deviation
+        return float(norm.ppf(at) if self.sigma_given else t.ppf(at, self.freedom))
 
     def as_dict(self) -> dict[str, float]:
         """Return the values by name.
@@ -309,6 +371,8 @@ class Fit:
             lines.append(
                 f"  no sample changes with a joint change of {changes}; hold one of these fixed, or measure more"
             )
+        if self.full_covariance is not None:
+            lines += self._with_full_hessian(self.full_covariance)
         strong = [
             f"{self.names[i]} and {self.names[j]} {self.correlations[i, j]:.3f}"
             for i in range(n)
@@ -332,6 +396,21 @@ class Fit:
         if not self.success:
             lines.append(f"  not finished: {self.message}")
         return lines
+
+    def _with_full_hessian(self, covariance: Array) -> list[str]:
+        """What the full Hessian says about the standard deviations."""
+        known = np.isfinite(self.deviations)
+        variances = np.diag(covariance)[known]
+        if not known.any():
+            return []
+        if not np.isfinite(variances).all():
+            return [
+                "  the full Hessian is not positive definite: the search has not ended in a minimum that is well determined"
+            ]
+        ratios = np.sqrt(variances) / self.deviations[known]
+        return [
+            f"  with the full Hessian, standard deviations are {ratios.min():.3g} to {ratios.max():.3g} times these"
+        ]
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())

@@ -14,6 +14,7 @@ from ..runtime.standalone.trajectory.trajectory import Trajectory
 from ..terminal import working
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
+from .fit_curvature import check_hessian, full_hessian
 from .fit_result import Fit
 from .variables import Wanted
 
@@ -66,7 +67,7 @@ def fit(
     sigma: float | Mapping[str, ArrayLike] | None = None, q: Numbers = None, u: Numbers = None, p: Numbers = None,
     inputs: Any = None, start: float = 0.0, experiments: Sequence[Mapping[str, Any]] | None = None, integrator: str = METHOD,
     rtol: float = RTOL, atol: Any = ATOL, method: str = "trf", loss: str = "linear", undetermined: float = UNDETERMINED,
-    most_motions: int | None = None, tolerance: float = 1e-10, **options: Any,
+    most_motions: int | None = None, tolerance: float = 1e-10, hessian: bool = False, **options: Any,
 ) -> Fit:  # fmt: skip
     """Identify variables from samples of motions, by nonlinear least squares with exact Jacobians.
 
@@ -106,6 +107,9 @@ def fit(
         Largest number of evaluations of all motions.
     tolerance : float, optional
         Relative change of cost and variables, and size of the gradient, at which the search ends.
+    hessian : bool, optional
+        Compute the full Hessian of half the sum of squares, and the covariance from it. See ``hessian`` of
+        `Solver.judge` for the models that have it; samples must be of outputs, and the loss "linear".
     **options
         Further arguments of `Solver.simulate`.
 
@@ -143,6 +147,8 @@ def fit(
     }  # fmt: skip
     simulation = {"method": integrator, "rtol": rtol, "atol": atol, **options}
     space, parts = take_experiments(solver, common, variables, experiments, simulation)
+    if hessian:
+        check_hessian(parts, loss)
     problem = _Problem(parts, space.x0)
     residuals, _ = problem.at(space.x0)
     if problem.error is not None:
@@ -163,6 +169,7 @@ def fit(
         space, found.x, residuals, found.jac if loss != "linear" else jacobian, tuple(parts), tuple(problem.trajectories),
         sigma_given=given, undetermined=undetermined, success=bool(found.success), message=str(found.message),
         motions=problem.motions, failures=tuple(problem.failures), cost=float(found.cost), first_cost=first_cost,
+        by_x=full_hessian(parts, found.x) if hessian else None, search=(problem, found.x, space) if loss == "linear" else None,
     )  # fmt: skip
 
 
