@@ -31,7 +31,7 @@ def explanation(error: BaseException | None) -> str:
     if error is None:
         return ""
     if any(problem.path == "loops" and problem.line is None for problem in getattr(error, "problems", ())):
-        return section("AssemblyError")  # loops of a model that cannot be closed, or not as `independent` says
+        return section("AssemblyError")  # loops that cannot be closed, or not with the coordinates under `independent`
     for kind in type(error).__mro__:
         if kind.__name__ in ANCHORS:
             return section(kind.__name__)

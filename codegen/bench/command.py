@@ -103,7 +103,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
 
 
 def _measured(problems: list[Problem], options: argparse.Namespace, status: StatusLine) -> dict[str, Any]:
-    """Runs the problems and returns their results; writes the results so far after every problem."""
+    """Runs the problems and returns their results; after every problem, writes all results so far."""
     from .results import write_results
 
     def keep(results: dict[str, Any]) -> None:
@@ -183,7 +183,7 @@ def _refuse_places(options: argparse.Namespace) -> None:
 def run(
     problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
 ) -> dict[str, Any]:
-    """Measures problems, and other programs on them; calls `keep` with the results so far after every problem."""
+    """Measures problems, and other programs on them; after every problem, calls `keep` with all results so far."""
     from ..measure.clock import one_core
     from ..measure.core import peaks
     from ..measure.machine import machine

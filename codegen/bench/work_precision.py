@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 5_000_000
 LONG = 5.0
-"""Largest number of steps, and the multiple of the time budget above which a motion is timed only twice."""
+"""Largest number of steps of a motion. A motion that takes `LONG` times the time budget is timed only twice."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def best(points: Sequence[Point], error: float, by: str = "evaluations") -> Poin
 def seconds_at(points: Sequence[Point], error: float) -> float:
     """Return the time at which a diagram reaches an error.
 
-    The diagram is interpolated linearly in logarithms, between points none of which is better in both error and time.
+    The diagram is interpolated linearly in logarithms, between points that no other point beats in both error and time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A solution of a problem of optimal control, and the error of a problem without one."""
+"""A solution of a problem of optimal control, and the error of a problem without a solution."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def nonlinear(point: At, at: slice, low: Array, high: Array, curvature: Curvatur
 
 
 def with_exact_hessian(constraint: Any) -> Any:
-    """A copy of a constraint of `nonlinear` that gives trust-constr its exact Hessian; other constraints are returned."""
+    """A copy of a constraint of `nonlinear` that gives trust-constr its exact Hessian; other constraints stay unchanged."""
     from scipy.optimize import NonlinearConstraint
     from scipy.sparse.linalg import LinearOperator
 

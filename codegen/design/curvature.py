@@ -68,7 +68,7 @@ class Curvatures:
         return found
 
     def _computed(self, x: Array, directions: Array, which: Sequence[int]) -> Array:
-        """Products (len(which), r, n) with directions (r, n)."""
+        """Products (len(which), r, n) of Hessians with directions (r, n)."""
         v = self._variables
         check_initial_state(v)
         wanted = [self._functionals[i] for i in which]

@@ -220,9 +220,7 @@ def _in_threads(
         try:
             for done in range(1, n + 1):
                 if done == 1:
-                    run(
-                        0
-                    )  # invalid arguments of all motions raise an error here, and the library is compiled only once
+                    run(0)  # arguments that are wrong for all motions raise an error here; the library is compiled once
                     left = {pool.submit(run, i) for i in range(1, n)}
                 else:
                     ended = next(iter(wait(left, return_when=FIRST_COMPLETED).done))

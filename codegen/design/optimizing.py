@@ -32,7 +32,7 @@ STUCK = ("ABNORMAL", "Positive directional derivative")
 """Parts of SciPy's messages for a line search that finds no lower value."""
 
 STEP_BACK = 10.0
-"""Factor on the largest change of the objective so far, which gives the value of a failing motion."""
+"""A failing motion gets a value that exceeds the largest one so far by this factor times the range or size of all values."""
 
 
 def optimize(

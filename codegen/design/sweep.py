@@ -275,7 +275,7 @@ class _Crew:
         self.ahead = max(1, self.ahead // FEWER)
 
     def _lost_alone(self, part: list[str]) -> None:
-        """Repeats the cases of a task that ended its worker one by one, or records its only case as the cause."""
+        """Repeats, one by one, the cases of a task that ended its worker, or records its only case as the cause."""
         if len(part) > 1:
             self.waiting.extendleft([k] for k in reversed(part))
             return

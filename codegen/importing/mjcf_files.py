@@ -153,7 +153,7 @@ class MjcfFiles:
                     self.gather(self.models[own], prefix + prefix_, (*chain, self.models[own].file))
 
     def opened(self, element: Element, name: str) -> Element | None:
-        """The root element of a file; None if the file cannot be parsed, an error that MuJoCo reports."""
+        """The root element of a file; None if the file cannot be parsed; MuJoCo reports this error."""
         for folder in (self.main, Path(element.file).resolve().parent):
             path = Path(os.path.join(folder, name))
             if not _exists(path):
@@ -257,7 +257,7 @@ def _exists(path: Path) -> bool:
 
 
 def _whole(text: str) -> int:
-    """The integer in a text; 1 if the text is not an integer, an error that MuJoCo reports."""
+    """The integer in a text; 1 if the text is not an integer; MuJoCo reports this error."""
     try:
         value = float(text)
     except ValueError:

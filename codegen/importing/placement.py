@@ -58,7 +58,7 @@ class Placement:
         return self.at == (0.0, 0.0, 0.0) and not self.is_turned
 
     def __matmul__(self, inner: Placement) -> Placement:
-        """Pose in the outer frame of a frame whose pose in the inner frame is given."""
+        """The pose, in the outer frame, of a frame whose pose in the inner frame is given."""
         at = self.point(inner.at)
         if not self.is_turned:
             return Placement(at, inner.rotation, inner._rpy)

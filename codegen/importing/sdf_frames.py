@@ -54,7 +54,7 @@ class Frames:
     def relative_to(
         self, scope: Scope, home: Scope, pose: Element | None, user: Element, otherwise: str = ""
     ) -> Placement:
-        """Pose in a scope of the frame to which a <pose> is relative."""
+        """The pose, in a scope, of the frame to which a <pose> is relative."""
         name = pose.attributes.get("relative_to", "").strip() if pose is not None else ""
         return self.of(scope, home, name or otherwise, pose if pose is not None else user)
 

@@ -87,7 +87,7 @@ class JointReader(PartReader):
         path : str
             Path of the scope.
         cut : str
-            Prefix of names there that is absent in the robot.
+            Prefix that names in this scope have and names of the robot lack.
         """
         reader, element = self.reader, item.element
         reader.leave_out_children(element, _JOINT, _REMARKS)

@@ -37,7 +37,7 @@ QUANTILE = 0.75
 """Quantile of the condition numbers that is compared: a choice may be poor at a quarter of the configurations."""
 
 EVERY = 30
-"""Largest number of loops of a model in which every component is compared; else only those with a poor ear are."""
+"""Largest number of loops of a model in which every component is compared; in larger models, only components with a poor ear."""
 
 DOUBTFUL = 100.0
 """Condition number above which an ear is poorly conditioned."""

@@ -33,7 +33,7 @@ ROUNDING = 2e-14
 """Residual of redundant conditions that counts as rounding, per unit of the distance from the base."""
 
 SPACING = 4e-16
-"""Residual that counts as rounding, per unit of the condition number of the dependents' columns; this number limits the
+"""Residual that counts as rounding, per unit of the condition number of the dependents' columns: the condition number limits the
 accuracy of the range of these columns."""
 
 FAR = 2e-11
@@ -179,7 +179,7 @@ def _quality(A: Array, rows: list[int]) -> float:
 
 
 def _eliminated(A: Array, order: list[int]) -> list[int]:
-    """As many rows of A ``(S, rows, r)`` as columns; each is the first in `order` with nearly the largest remainder."""
+    """As many rows of A ``(S, rows, r)`` as A has columns; each is the first in `order` with nearly the largest remainder."""
     rest, chosen = A.copy(), list[int]()
     while len(chosen) < A.shape[2]:
         size = np.min(np.linalg.norm(rest, axis=2), axis=0)
@@ -300,7 +300,7 @@ def _step(model: Model, j: int) -> float:
 
 
 def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
-    """The geometry with one parameter changed by `by`, with the characteristic lengths of the given one."""
+    """The geometry with one parameter changed by `by`, with the characteristic lengths of the given geometry."""
     values = [p.value for p in geometry.model.parameters]
     values[j] += by
     return Geometry(geometry.model, values, geometry.lengths)

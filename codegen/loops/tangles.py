@@ -63,7 +63,7 @@ def closed_together(geometry: Geometry, ears: Sequence[tuple[int, ...]], depende
 def _untangled(
     geometry: Geometry, ears: Sequence[tuple[int, ...]], owner: Mapping[int, int], moved: set[int]
 ) -> list[tuple[int, ...]]:
-    """The ears after merging each tangle, from the loop of each body on a cycle and the bodies that dependents move."""
+    """The ears after each tangle is merged. `owner`: loop of each body on a cycle; `moved`: bodies that dependents move."""
     ears, couplings = list(ears), geometry.couplings
     outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
     parent = {k: geometry.parent[k] for k in outward}

@@ -140,7 +140,7 @@ FIXED_WORK = ("core", "cache")
 """Names of the fixed work in a `Turn` and in a report."""
 
 WATCHED, MOST_WATCHED = 2e-3, 30
-"""After a turn, the fixed work runs once per this time of the turn in seconds, but at most `MOST_WATCHED` times."""
+"""After a turn, the fixed work runs once for each `WATCHED` seconds that the turn took, but at most `MOST_WATCHED` times."""
 
 TURNS = 3
 """Number of measurements of each peak performance."""

@@ -200,7 +200,7 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """Table column (name, values) with the first entry of each link, or of each loop (key True), in arguments and
+        """Table column (name, values): the first entry of each link, or of each loop with the key True, in arguments and
         results."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {

@@ -58,7 +58,7 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def clear_scales(x: Scope, store: Store, first: bool) -> None:
-    """Sets the reference magnitudes of pivots to zero on the `first` contribution; other units than links add none."""
+    """Sets the reference magnitudes of pivots to zero on the `first` contribution; units other than links add none."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)

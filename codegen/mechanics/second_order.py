@@ -181,7 +181,7 @@ class SecondOrder:
             assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], in_memory(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
-        """Drop zeros from transposes of tangents: adjoints that none of these blocks stores."""
+        """Drop zeros from transposes of tangents; an adjoint is zero if none of these blocks stores it."""
         nonzero: set[Place] = set()
         known = -1
         transposes = [(s, k) for s in reversed(self.sweeps) for k in self._kinds(s) if back_name(s.name) in found]
@@ -213,7 +213,7 @@ class SecondOrder:
             found[name][k] = block
 
     def _read_by_tangents(self, tangents: dict[str, dict[int, Block]]) -> dict[str, dict[int, Block]]:
-        """The tangents without stores on which no result of any tangent depends; these have no adjoints."""
+        """The tangents without those stores on which no result depends; such stores have no adjoints."""
         of = [(s, k, tangents[s.name][k.index]) for s in reversed(self.sweeps) for k in reversed(self._kinds(s))]
         found: dict[str, dict[int, Block]] = {s.name: {} for s in self.sweeps}
         read: set[Place] = set()

@@ -255,7 +255,7 @@ class Binder:
         self._computed: dict[tuple[Expression, tuple[str, ...]], Computed | None] = {}
 
     def __call__(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """`bind` to the constants and to these repeat indices."""
+        """The result of `bind` with the constants and with these repeat indices."""
         names = expression.names
         if not names.isdisjoint(indices):
             key = expression, tuple(indices)

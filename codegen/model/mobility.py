@@ -132,7 +132,7 @@ def _singular_at(
 
 
 def armature_matrix(joint: Joint, value: Value, driven: Sequence[int] = ()) -> np.ndarray:
-    """Reflected rotor inertias (f, f) along the degrees of freedom of a joint that are not `driven`."""
+    """Reflected rotor inertias (f, f) along those degrees of freedom of a joint that are not `driven`."""
     found = np.array([value(e) for e in joint.armature]) if joint.armature else np.zeros(len(joint.kind.speeds))
     return np.diag(np.delete(found, driven))
 

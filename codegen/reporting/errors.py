@@ -31,7 +31,7 @@ DIGITS = 40
 """Number of decimal digits of the reference."""
 
 MOST_PARAMETERS, MIXED = 16, 3
-"""Number of parameters whose derivatives are compared, and number of random directions of all quantities."""
+"""Number of parameters whose derivatives are compared, and number of random directions, along which all quantities change."""
 
 VANISHING = 1e-12
 """Below this fraction of its natural size, a derivative is zero except for the rounding of the state. An example is the
@@ -113,7 +113,7 @@ def _float_size(udot: Any) -> float:
 
 
 def directions(model: Model, solver: Solver) -> tuple[list[str], dict[str, Any]]:
-    """Names and seeds of the directions: parameters one by one, then random directions of all quantities."""
+    """Names and seeds of the directions: parameters one by one, then random directions, along which all quantities change."""
     rng = np.random.default_rng(2)
     names = list(model.parameter_names)
     if len(names) > MOST_PARAMETERS:  # the chosen parameters are spread over the list
@@ -188,7 +188,7 @@ def errors(
 def _affordable(
     names: list[str], seeds: dict[str, Any], alone: float, budget: float, skipped: list[Skipped]
 ) -> tuple[list[str], dict[str, Any]]:
-    """Number of directions that the reference can compute at one state in time, from the time of its accelerations."""
+    """The directions that the reference can compute at one state within the budget; `alone` is the time of its accelerations."""
     affordable = int(budget / alone) - 1
     if affordable >= len(names):
         return names, seeds
@@ -223,7 +223,7 @@ def _at_state(
 
 
 def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
-    """Values of the parameters; 1 for directions of all quantities."""
+    """Values of the parameters; 1 for random directions."""
     at = {name: float(x) for name, x in zip(model.parameter_names, solver.parameters, strict=True)}
     return np.array([at.get(name, 1.0) for name in names])
 

@@ -207,7 +207,7 @@ def _keep(ctx: Any, inputs: Any, output: Any) -> None:
 
 
 class Value(torch.autograd.Function):
-    """The function."""
+    """The value of a function."""
 
     setup_context = staticmethod(_keep)
 

@@ -73,8 +73,8 @@ def casadi(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contes
 
 
 def casadi_rates(n: int) -> tuple[Any, Any, Any]:
-    """CasADi's SX by a hand-written algorithm: states q, u with their derivatives by L, then L, then the states' time
-    derivatives."""
+    """CasADi's SX, from a hand-written algorithm. Three results: the states (q, u and their derivatives by L), the parameter
+    L, and the time derivatives of the states."""
     import casadi
 
     q, u, sq, su = (casadi.SX.sym(name, n) for name in ("q", "u", "sq", "su"))

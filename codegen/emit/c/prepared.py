@@ -105,7 +105,7 @@ class CPrepared(CMemory):
         ]
 
     def assigned(self, region: str) -> bool:
-        """Whether the first contributions to the memory of a region assign."""
+        """Whether the first contributions to the memory of a region assign instead of adding."""
         blocks = [b for of in self.blocks.values() for b in of.values()]
         return any(not a.adds and a.memory.region == region for b in blocks for a, _, _ in b.stores)
 

@@ -41,8 +41,8 @@ def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
 def directions_at_once(procedure: Procedure) -> int:
     """Number of directions that a pass of a function processes.
 
-    A gradient mostly has one vector of weights. In memory for eight, its values would be so far apart that they could
-    use only an eighth of a cache.
+    A gradient mostly has one vector of weights. With memory for eight, its values would lie so far apart that they
+    would fit only an eighth of a cache.
     """
     return min(WIDTHS) if procedure.name.endswith("_transposed") else DIRECTIONS
 
@@ -64,7 +64,7 @@ def widths_of_states(procedures: list[Procedure]) -> dict[int, str]:
 
 
 class StateLines(Lines):
-    """Writer of the lines of one function over several states: its values, and separately what has directions."""
+    """Writer of the lines of one function over several states: its values and, separately, everything over directions."""
 
     def of(self, step: Step) -> list[str]:
         if isinstance(step, Check):

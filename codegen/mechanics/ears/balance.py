@@ -293,8 +293,8 @@ def column_of(ear: EarGeometry, k: int, j: int) -> Column:
 
 
 def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = False) -> Value:
-    """Tangent of the model's own force along a degree of freedom, or a prescribed coordinate, minus the tangent of the
-    rotor's force.
+    """Tangent of the model's own force minus the tangent of the rotor's force, along a degree of freedom or a prescribed
+    coordinate.
 
     The balance holds udot of the independent degrees of freedom; the dependent udot follow. If the tangent of udot has been
     `found`, the rotor's force includes it.

@@ -29,8 +29,8 @@ TINY = 1e-200
 division by zero."""
 
 DIRECTED = 1e-16
-"""Smallest squared distance from a zero of the gradient, in squared characteristic lengths; any closer, the gradient
-has no direction."""
+"""Smallest squared distance from a zero of the gradient, in squared characteristic lengths; at smaller distances, the
+gradient has no direction."""
 
 
 class SurfaceCondition:

@@ -191,11 +191,11 @@ class LinkJoint(ABC):
         return J, H, M
 
     def _behind(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components on the link's side of the joint of a vector given on the parent's side."""
+        """Components, on the link's side of the joint, of a vector given on the parent's side."""
         return v
 
     def _before(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components on the parent's side of the joint of a vector given on the link's side."""
+        """Components, on the parent's side of the joint, of a vector given on the link's side."""
         return v
 
     def _inertia_before(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:

@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* The error of a constant step is estimated if two rates in its middle differ by at least this number, times the step and relative to the
- * state. */
+/* The error of a constant step is estimated if the difference of two rates in its middle, times the step and relative to the state,
+ * is at least this number. */
 static const scalar LOOKED_AT = 1e-6;
 
 /* Number of state entries with error control: integrated entries; if nothing is independent, also the predictions of dependent

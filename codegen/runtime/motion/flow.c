@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Largest allowed error of a step's derivatives along the motion relative to the rates, in relative errors of the state that the tolerances
- * allow. */
+/* Largest allowed error of a step's derivatives along the motion, relative to the rates. The unit is the relative error of the state that
+ * the tolerances allow. */
 static const scalar ALLOWED = 10.0;
 
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */

@@ -308,11 +308,11 @@ typedef struct {
 
 typedef struct ordernm_curvature ordernm_curvature;
 
-/* Number of doubles of memory; starts. ordernm_tangents repeats steps that ordernm_go stored, in the order of time, and stores the states
- * at their stages, and the times and weights of integrands there: records [count][all], and [count][all][2], both set to zero by the
- * caller, where `all` is ordernm_hessians_stages, and a record has ordernm_hessians_record doubles. Parts of the steps follow each other;
- * `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then gives the record of the state at the
- * end.
+/* ordernm_hessians_room returns the number of doubles of memory. ordernm_tangents repeats steps that ordernm_go stored, in the order of
+ * time, and stores the states at their stages, and the times and weights of integrands there: records [count][all], and [count][all][2],
+ * both set to zero by the caller, where `all` is ordernm_hessians_stages, and a record has ordernm_hessians_record doubles. Parts of the
+ * steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then gives the
+ * record of the state at the end.
  * Then, for each functional: ordernm_hessians_turn, the parts backwards, and ordernm_hessians_end. Sources of integrands are
  * [count][all], or 0. */
 long ordernm_hessians_room(const ordernm_problem *problem);

@@ -42,7 +42,7 @@ WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30
 """Cost of each kind of operation, in units of an addition."""
 
 EVEN = 8
-"""Number of which the parts of a batch are multiples: the largest number of SIMD lanes."""
+"""The largest number of SIMD lanes. The parts of a batch are multiples of it."""
 
 MOST_SWEPT = 48_000
 """Doubles that the sweeps over directions use for one state. With more doubles, several states at once exceed the cache
@@ -174,9 +174,9 @@ class Batches:
         return (seen >= WORTH_COMPILING or library_of_states(number) in self._libraries) and self.opened(f) is not False
 
     def together(self, f: Function) -> tuple[Callable[[int, int], tuple[int, int, int] | None], Sequence[str], int]:
-        """How ``direct_call.c`` computes a large batch of a function: a function that returns the number of threads and addresses
-        of C functions, zeros for one state after another, or None for the general path; the names of the arrays; and the size of
-        the workspace."""
+        """How ``direct_call.c`` computes a large batch of a function: a function, the names of the arrays, and the size of the
+        workspace. The function returns the number of threads and the addresses of C functions; zeros for one state after
+        another; None for the general path."""
         over, in_lanes = self._over_states, self._in_lanes(f)
         this, symbol = weakref.proxy(self), self._symbol(f)
 
@@ -221,7 +221,7 @@ class Batches:
 
     def _opened(self, number: int) -> Any:
         declared = ""
-        if not any(key.startswith("states") for key in self._libraries):  # twice, the types would differ
+        if not any(key.startswith("states") for key in self._libraries):  # types declared twice would differ
             declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
         instead = "the states of a batch are computed one after another"
         return self._apart("states", declared, instead, number=number)

@@ -86,7 +86,7 @@ typedef struct {
     size_t item;
     long needed, work, lanes, few, few_along, at_work, at_lanes, at_results;
     long ntaken, nseeds, nresults, nreturned;
-    PyObject *large; /* decides how large batches are computed; NULL if never several states at once */
+    PyObject *large; /* decides the way in which a large batch is computed; NULL if never several states at once */
     long narrays, work_of_states;
     PyObject *quaternions; /* index in q of the first component of each quaternion, as a tuple */
     double least; /* the least square of a quaternion's norm */

@@ -30,7 +30,7 @@ ROUNDING = 1e-8
 errors."""
 
 MOVED = 1e-6
-"""rad, or characteristic lengths: smallest motion near a pose, for a relative change of 1 of the parameters, that counts."""
+"""Smallest motion near a pose that counts, rad or characteristic lengths, for a relative change of 1 of the parameters."""
 
 
 @dataclass(frozen=True, slots=True)

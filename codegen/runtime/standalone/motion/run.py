@@ -356,8 +356,8 @@ class MotionRun(Room):
 
 @lru_cache(64)
 def places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
-    """For t, q, u, outputs and integrals in a row of results: the start, the number of entries, and the number of derivatives per
-    direction before theirs."""
+    """For t, q, u, outputs and integrals in a row of results: where each starts, how many entries it has, and how many
+    derivatives per direction precede its own."""
     sizes = (1, nq, nu, noutputs, integrals)
     return tuple((sum(sizes[:i]), size, sum(sizes[1:i])) for i, size in enumerate(sizes))
 
