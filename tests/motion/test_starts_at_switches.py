@@ -3,6 +3,7 @@ both sides, or NaN with a warning."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from motion.models import Made, parsed
+from scipy.integrate import quad
 
 from codegen.runtime import Final
 
@@ -134,3 +136,51 @@ def test_an_input_that_jumps_exactly_to_a_threshold(
     np.testing.assert_allclose(run.q[-1], x, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(run.dq[0, -1], by_c, rtol=0.0, atol=1e-11)
     assert np.isnan(run.dq[1, -1]).all() and any("derivatives of the motion by mu" in str(w.message) for w in said)
+
+
+RAMPS = """
+model: ramps
+parameters: {mu: 1.0, c: 5.0}
+inputs: [gate]
+bodies:
+  from: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  more: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  from: {type: joint, joint: from, value: "if(gate >= mu, c, 1)"}
+  more: {type: joint, joint: more, value: "c*max(gate - mu, 0)"}
+outputs:
+  from: {value: q.from}
+  more: {value: q.more}
+"""
+
+
+@pytest.mark.parametrize("values", [(0, 1, 2), (2, 1, 0), (0, 1, 0), (2, 1, 2), (0, 1, 1), (1, 1, 2), (0, 2, 0)])
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_an_input_that_reaches_a_threshold_at_a_knot(
+    made: Callable[..., Made], integrator: str, values: tuple[int, ...]
+) -> None:
+    """Where the input stays at the threshold, the branch before was kept; derivatives by the threshold were those of one side."""
+    solver: Any = made(parsed, RAMPS).solver
+    times = [0.0, 0.4, 1.0]
+    places = sorted({0.0, 0.2, 0.4, 0.7, 1.0})  # the last ramp of (0, 2, 0) passes the threshold in its middle
+    from_, more = (
+        sum(
+            quad(lambda t, of=of: (1 - t) * of(np.interp(t, times, values)), a, b)[0]
+            for a, b in itertools.pairwise(places)
+        )
+        for of in (lambda g: float(g >= 1), lambda g: max(g - 1, 0))
+    )
+    for way in ("forward", "adjoint"):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = solver.judge(
+                1.0, [Final("from"), Final("more")], inputs=(times, [[float(g)] for g in values], "linear"),
+                wrt=["c", "mu"], method=way, integrator=integrator,
+            )  # fmt: skip
+        np.testing.assert_allclose(found.values, [5 * from_ + 0.5 - from_, 5 * more], rtol=0.0, atol=1e-10)
+        np.testing.assert_allclose(found.gradients[:, 0], [from_, more], rtol=0.0, atol=1e-10)
+        if values == (0, 2, 0):
+            np.testing.assert_allclose(found.gradients[:, 1], [-1.0, -1.375], rtol=0.0, atol=1e-10)
+        else:
+            assert np.isnan(found.gradients[:, 1]).all()
+            assert any("derivatives of the motion by mu do not exist" in str(w.message) for w in said)

@@ -210,6 +210,7 @@ struct ordernm_motion {
     scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of these switches; scratch */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
+    int nbent, *bent;         /* number of switches whose functions are zero, and change their rates, at the last knot; [nswitches] these */
     int npoints;              /* number of singular functions that are monitored */
     scalar *singular;         /* [5][nswitches] values of singular functions in the step */
     scalar singular_at;       /* the time of the last row of `singular`; NaN: the values are not known */
@@ -344,6 +345,7 @@ int ordernm_limit_turns(ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
 int ordernm_begins_at_jump(ordernm_motion *m, int k);
 void ordernm_touch(ordernm_motion *m, scalar t, int k);
+int ordernm_arrive_at_knot(ordernm_motion *m);
 int ordernm_follow_inputs(ordernm_motion *m);
 void ordernm_keep_modes(const ordernm_motion *m, scalar *row);
 void ordernm_take_modes(ordernm_motion *m, const scalar *row);
@@ -386,6 +388,7 @@ int ordernm_growing_power(ordernm_motion *m, const trial *step);
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);
 void ordernm_lose_at_start(ordernm_motion *m);
+void ordernm_lose_at_knot(ordernm_motion *m);
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 
 /* step_sizes.c */

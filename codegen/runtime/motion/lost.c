@@ -1,9 +1,9 @@
 /* Directions along which the motion has no derivative from a time on, although the motion itself continues.
  *
- * There are five causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
+ * There are six causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
  * motion rests, while perturbed motions use the branch on either side; singular points, see points.c; jumps of rates without a known
- * switch, as for atan2(y, x) where both arguments are zero; and a start at a switch with a jump, on either side of which perturbed motions
- * start. A lost direction is NaN in results, and zero in the state. */
+ * switch, as for atan2(y, x) where both arguments are zero; a start at a switch with a jump, on either side of which perturbed motions
+ * start; and such a switch at a knot of the inputs, where its function changes its rate. A lost direction is NaN in results, and zero in the state. */
 #include "radau.h"
 
 #include <math.h>
@@ -15,7 +15,7 @@ static const scalar AGREE = 1e-10;
 /* A direction moves a switch if the relative motion of the switch exceeds this limit; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
 
-/* The same limit at the start of the motion, where there are only rounding errors. */
+/* The same limit at the start of the motion and at knots of inputs, where there are only rounding errors. */
 static const scalar ROUNDED = 1e-12;
 
 /* A jump of a rate is suspected if the change between neighbouring stages is at least PART_OF_STEP of all changes in the step. The jump is
@@ -292,18 +292,29 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     if (some) note(m, ORDERNM_PASSES, k);
 }
 
+/* Marks directions as lost that move a switch whose function is zero, for the given reason. */
+static void lose_at_switch(ordernm_motion *m, int k, int why)
+{
+    int some = !m->ngroups && !m->results->lost_count;
+    if (ordernm_switch_along(m, m->t, m->z, k)) return;
+    for (int n = 0; n < m->ngroups; ++n)
+        for (int l = 0; l < m->groups[n].used; ++l)
+            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED) lose(m, n, l), some = 1;
+    if (some) note(m, why, k);
+}
+
 /* Marks directions as lost that move a switch at which the motion begins, if rates jump there. */
 void ordernm_lose_at_start(ordernm_motion *m)
 {
-    for (int i = 0; i < m->nheld && (m->ngroups || m->results->lost); ++i) {
-        const int k = m->held[i];
-        int some = !m->ngroups && !m->results->lost_count;
-        if (!ordernm_begins_at_jump(m, k) || ordernm_switch_along(m, m->t, m->z, k)) continue;
-        for (int n = 0; n < m->ngroups; ++n)
-            for (int l = 0; l < m->groups[n].used; ++l)
-                if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED) lose(m, n, l), some = 1;
-        if (some) note(m, ORDERNM_BEGINS, k);
-    }
+    for (int i = 0; i < m->nheld && (m->ngroups || m->results->lost); ++i)
+        if (ordernm_begins_at_jump(m, m->held[i])) lose_at_switch(m, m->held[i], ORDERNM_BEGINS);
+}
+
+/* Marks directions as lost that move a switch with a jump whose function is zero at a knot of the inputs, and changes its rate there. */
+void ordernm_lose_at_knot(ordernm_motion *m)
+{
+    for (int i = 0; i < m->nbent && (m->ngroups || m->results->lost); ++i) lose_at_switch(m, m->bent[i], ORDERNM_BENDS);
+    m->nbent = 0;
 }
 
 /* Marks directions as lost that have no derivative after this step. */

@@ -222,8 +222,9 @@ typedef struct {
 } ordernm_results;
 
 /* Reasons for the loss of a direction: derivatives of rates are not finite; the motion rests at a switch; rates jump without a switch;
- * the motion passes the zero of a singular function; the motion begins at a switch at which rates jump. */
-enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES, ORDERNM_BEGINS };
+ * the motion passes the zero of a singular function; the motion begins at a switch at which rates jump;
+ * the motion reaches such a switch at a knot of the inputs, where the rate of the switching function changes. */
+enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES, ORDERNM_BEGINS, ORDERNM_BENDS };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 

@@ -92,6 +92,7 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
     for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
     m->together = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->resting = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
+    m->bent = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->z_before = ordernm_numbers(of, switching ? m->size : 0);
     const long beside = m->npoints ? m->size : 0;
     m->singular = ordernm_numbers(of, 5L*s->nswitches);

@@ -55,6 +55,7 @@ int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, c
         if ((status = ordernm_hold_again(m))) return status;
     }
     if (!changed && !at_knot && !m->switched) return m->flow_unknown ? ordernm_begin_flow(m) : 0;
+    if (m->nheld && at_knot && !modes && (status = ordernm_arrive_at_knot(m))) return status;
     if (at_knot && (status = ordernm_reach_knot(m))) return status;
     ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
     if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;

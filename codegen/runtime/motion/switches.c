@@ -19,6 +19,9 @@ static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 /* Part of the motion's duration after which a motion that begins at rest at a switch has left it. */
 static const scalar MOMENT = 1e-8;
 
+/* Relative difference of a switching function's rates before and after a knot of the inputs below which they are the same. */
+static const scalar SAME_SPEED = 1e-9;
+
 enum { FEW_REFUSED = 3 };
 
 static const scalar TURN_OF_A_STEP = 2.0; /* rad */
@@ -256,18 +259,25 @@ int ordernm_choose_modes(ordernm_motion *m, scalar t, const scalar *z)
     return 0;
 }
 
-/* Whether the motion begins at the zero of a switch with a mode, and rates jump there. */
-int ordernm_begins_at_jump(ordernm_motion *m, int k)
+/* Whether rates differ between the modes of a switch. */
+static int modes_differ(ordernm_motion *m, int k)
 {
     const scalar mode = m->modes[k];
-    scalar *const one = m->error[0], *const other = m->error[1], speed;
-    if (mode == 0.0 || ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed)) return 0;
-    const scalar x = m->switches[k], value = m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN - fabs(x) : x;
-    if (!is_zero_at_start(m, value, speed) || ordernm_rates_of(m, m->t, m->z, one, 0, 0, RATES | INTEGRALS)) return 0;
+    scalar *const one = m->error[0], *const other = m->error[1];
+    if (ordernm_rates_of(m, m->t, m->z, one, 0, 0, RATES | INTEGRALS)) return 0;
     m->modes[k] = ordernm_other_mode(m, k);
     const int status = ordernm_rates_of(m, m->t, m->z, other, 0, 0, RATES | INTEGRALS);
     m->modes[k] = mode;
     return !status && ordernm_rates_jump(m, one, other);
+}
+
+/* Whether the motion begins at the zero of a switch with a mode, and rates jump there. */
+int ordernm_begins_at_jump(ordernm_motion *m, int k)
+{
+    scalar speed;
+    if (m->modes[k] == 0.0 || ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed)) return 0;
+    const scalar x = m->switches[k], value = m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN - fabs(x) : x;
+    return is_zero_at_start(m, value, speed) && modes_differ(m, k);
 }
 
 /* A switching function has an extremum at zero, at the state in m->trial: there are no derivatives if rates jump there. */
@@ -339,17 +349,46 @@ int ordernm_limit_turns(ordernm_motion *m)
     return 0;
 }
 
+/* Before a knot of the inputs: rates of the switching functions that are zero there. Returns the status of a function. */
+int ordernm_arrive_at_knot(ordernm_motion *m)
+{
+    int status = 0;
+    for (int i = 0; i < m->nheld && !status; ++i) {
+        const int k = m->held[i];
+        if (m->modes[k] == 0.0 || fabs(m->crossing[m->problem->nevents + i]) > ROUNDED) continue;
+        status = ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, m->speeds + k);
+    }
+    return status;
+}
+
+/* Compares the rates of a switching function that is zero at a knot of the inputs before and after the knot. If they differ and rates of the
+ * state jump at the switch, it is added to m->bent. `stays`: the function remains zero. Returns the status of a function. */
+static int bend_at_knot(ordernm_motion *m, int k, int *stays)
+{
+    scalar speed;
+    int status = ordernm_rates_of(m, m->t, m->z, m->trial, 0, 0, RATES);
+    if (!status) status = ordernm_switch_speed(m, m->t, m->z, m->trial, k, &speed);
+    const int bends = !status && fabs(speed - m->speeds[k]) > SAME_SPEED*(fabs(speed) + fabs(m->speeds[k]));
+    if (bends && modes_differ(m, k)) m->bent[m->nbent++] = k;
+    *stays = bends && speed == 0.0;
+    return status;
+}
+
 /* At a knot of the inputs, switching functions may jump; its time has no derivatives. Where a function jumps to zero, as that of
- * gate >= 1 does if an input becomes 1, its mode is chosen as at the start. Returns 0, the status of a function, or SLIDES. */
+ * gate >= 1 does if an input becomes 1, or stays at zero from the knot on, its mode is chosen as at the start. Returns 0, the status of a
+ * function, or SLIDES. */
 int ordernm_follow_inputs(ordernm_motion *m)
 {
     int status = ordernm_follow(m, m->t, m->z, 0);
+    m->nbent = 0;
     for (int i = 0; i < m->nheld && !status; ++i) {
         const int k = m->held[i];
+        int anew = 1;
         if (m->system->switch_kind[k] > ORDERNM_ROOT || m->let_go[k] != 0.0) continue;
         if (m->modes[k] == 0.0 && fabs(m->switches[k]) > ROUNDED) m->modes[k] = sign_of(m->switches[k]); /* leaves zero */
-        if (fabs(m->switches[k]) > ROUNDED || !(m->crossing[m->problem->nevents + i] > ROUNDED)) continue;
-        status = choose_mode(m, m->t, m->z, k);
+        if (m->modes[k] == 0.0 || fabs(m->switches[k]) > ROUNDED) continue;
+        if (fabs(m->crossing[m->problem->nevents + i]) <= ROUNDED) status = bend_at_knot(m, k, &anew);
+        if (!status && anew) status = choose_mode(m, m->t, m->z, k);
         if (!status) status = ordernm_switching(m, m->t, m->z);
     }
     return status;

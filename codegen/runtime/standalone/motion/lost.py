@@ -12,7 +12,7 @@ from ..calls.non_finite import culprit
 from .problem import Segment
 from .switches import switch_words
 
-INFINITE, RESTS, JUMPS, PASSES, BEGINS = range(5)
+INFINITE, RESTS, JUMPS, PASSES, BEGINS, BENDS = range(6)
 """Reasons for the loss of a direction, numbered as in ``motion.h``."""
 
 
@@ -26,6 +26,9 @@ def why_lost(
     elif why == BEGINS:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion begins where {place} jumps, and motions that begin beside it differ"
+    elif why == BENDS:
+        place = switch_words(segment.opened.manifest, which)
+        reason = f"the motion reaches {place} exactly at a knot of the inputs, and motions that pass it beside the knot differ"
     elif why == PASSES:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion passes {place}, where the value or its derivatives jump or are unbounded"
