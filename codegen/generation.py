@@ -67,7 +67,7 @@ def generate(
         One C function for each kind of link, called in loops, or one for each link. "auto" chooses the latter for small
         models.
     partitions : {1, 2, 3, 4}, optional
-        Number of choices of independent coordinates that the package holds, as far as others close the loops. See
+        Number of choices of independent coordinates that the package holds; fewer if no others close the loops. See
         `Solver.use_partition`.
     reactions : bool, optional
         Include `Solver.reactions` and `Solver.reaction_sensitivities`. If `functions` are chosen, name the latter

@@ -173,7 +173,7 @@ def diagram(
 
 
 def best(points: Sequence[Point], error: float, by: str = "evaluations") -> Point | None:
-    """Return the point with the fewest evaluations, or the least time, among those with at most an error.
+    """Return, among the points with at most a given error, the one with the fewest evaluations or the least time.
 
     Parameters
     ----------

@@ -49,8 +49,8 @@ class Fit:
     correlations : ndarray (n, n)
         Correlations of the values.
     hessian : ndarray (n, n) or None
-        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is that part of it
-        that remains if the motion were linear in the variables.
+        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is the part of it
+        that would remain if the motion were linear in the variables.
     full_covariance : ndarray (n, n) or None
         Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if that is not positive definite.
     undetermined : tuple of dict of str to float

@@ -147,7 +147,7 @@ class Variables:
         Parameters
         ----------
         values : array_like (n,), or mapping of str to float
-            Values in the model's units. Those that a mapping leaves out are the start.
+            Values in the model's units. Values that a mapping leaves out are those of the start.
 
         Returns
         -------

@@ -21,7 +21,7 @@ OPTIONS: dict[str, bool] = {"trim_blocks": True, "lstrip_blocks": True, "keep_tr
 
 
 class KeptBeside(jinja2.BytecodeCache):
-    """Keeps compiled templates in the folder where Python keeps compiled modules, if it does.
+    """Keeps compiled templates in the folder where Python keeps compiled modules, if Python keeps any.
 
     A template is compiled again when the template, the options here, Jinja or Python have changed. Compilation takes a
     fifth of the time during which gcc waits; it is repeated each time if the folder is not writable. The kept files are

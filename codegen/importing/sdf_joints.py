@@ -51,7 +51,7 @@ class SdfJoint:
     laws : tuple of Law
         The law of each axis.
     cut : str
-        For a joint outside the robot's model: prefix of names there that is absent in the robot.
+        For a joint outside the robot's model: prefix that names there have and names of the robot lack.
     """
 
     name: str

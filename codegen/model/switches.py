@@ -399,8 +399,8 @@ def _is_whole(tree: Tree) -> bool:
 def _is_smooth_step(tree: Tree) -> bool:
     """Whether a tree is part of a cubic table or of the function ``step``, whose second derivatives are continuous.
 
-    They are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``, in a table less
-    a number.
+    They are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``; in a table,
+    s is this minus a number.
     """
     if tree[0] != "*":
         return False

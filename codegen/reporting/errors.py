@@ -102,7 +102,8 @@ def _size(exact: Any, natural: float) -> Any:
 def natural_sizes(udot: Any, values: Any) -> Array:
     """Natural sizes of derivatives with respect to quantities of given values.
 
-    With such a derivative, a change of the quantity by its own value (or by 1 if that is zero) changes udot by as much as itself.
+    A derivative has its natural size if a change of the quantity by its value (or by 1 if that is zero) changes udot by the
+    size of udot.
     """
     values = np.abs(np.asarray(values, float))
     return _float_size(udot) / np.where(values > 0, values, 1.0)

@@ -91,7 +91,7 @@ def guard_of_run(
     all_functions: Mapping[str, Collection[int]],
     in_all_units: bool,
 ) -> str:
-    """The condition under which code that functions run is compiled; empty if it always is.
+    """The condition for the compilation of code that functions run; empty if it is always compiled.
 
     Parameters
     ----------

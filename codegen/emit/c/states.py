@@ -41,8 +41,8 @@ def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
 def directions_at_once(procedure: Procedure) -> int:
     """Number of directions that a pass of a function processes.
 
-    A gradient mostly has one vector of weights. With memory for eight, its values would lie so far apart that they
-    would fit only an eighth of a cache.
+    A gradient mostly has one vector of weights. With memory for eight vectors, its values would lie so far apart
+    that only an eighth of a cache would be used.
     """
     return min(WIDTHS) if procedure.name.endswith("_transposed") else DIRECTIONS
 

@@ -328,8 +328,8 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
 def turned_about(
     rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
 ) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
-    """The rotation of a joint's frame without a last rotation by a number about the joint's own axis; and the angle of
-    that rotation.
+    """The rotation of a joint's frame, without its last part if that is a rotation by a number about the joint's own axis;
+    and the angle of that part.
 
     The angle is added to the joint angle: one addition instead of a constant rotation. Only one angle is removed, since a sum of
     several would be rounded. Quarter turns are not removed, since they cost nothing.

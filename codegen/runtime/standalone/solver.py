@@ -685,7 +685,7 @@ class Solver(Package):
 
             w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
 
-        At rest w' = v. In motion the other term is not zero for quaternions and free joints, whose axes turn with the
+        At rest w' = v. In motion the term N^+ (...) is not zero for quaternions and free joints, whose axes turn with the
         body: for a rotation w' = v + w x u. About a state that moves, A and forces that depend on t are those of the
         instant.
 

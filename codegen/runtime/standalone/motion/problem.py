@@ -211,7 +211,7 @@ class Run:
     rows : array (nt, row)
         See ``ordernm_results``.
     reason, counts, singular, component, events
-        As in the last segment; counts are sums over all segments, of quantities that apply to the method and model.
+        As in the last segment; but counts are sums over all segments. They contain what applies to the method and model.
     segments : list of Segment
     last : array (row,)
         The state at the end of a motion that failed; else empty.

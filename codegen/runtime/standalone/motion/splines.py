@@ -18,8 +18,8 @@ def spline_weights(
     knots: Array, degree: int, count: int, t: Array | float, order: int = 0, before: bool = False,
     within: Array | None = None,
 ) -> tuple[Any, Array]:  # fmt: skip
-    """Values (*t.shape, degree + 1) of the B-splines that are not zero at each time, or of their derivatives; before
-    them, the index of the first of these B-splines.
+    """The index of the first B-spline that is not zero at each time; and the values (*t.shape, degree + 1) of these
+    B-splines, or of their derivatives.
 
     Outside the knots, the values at the first or last knot apply. At a knot, values are those from the right; with
     `before`, those from the left; with `within`, those of the pieces that contain these times. Derivatives are differences
