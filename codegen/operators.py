@@ -71,8 +71,10 @@ class Operator:
     derived : Derived
     takes : tuple of str
         Arguments, in the order of the solver's method.
+    six : tuple of str
+        q, u, p, inputs, t and a further argument, which is empty where there is none.
     names : tuple of str
-        Arguments with entries, in the same order.
+        Arguments with entries, in the order of `takes`.
     shape : tuple of int
         Shape of the result, after batch axes; `size` is its number of entries.
     """
@@ -82,6 +84,7 @@ class Operator:
         self.derived = FUNCTIONS[name]
         shapes = solver._shapes
         self.takes = self.derived.takes
+        self.six = (*STATE, next((n for n in self.takes if n not in STATE), ""))
         self.sizes = {n: math.prod(shapes[n]) for n in self.takes}
         self.names = tuple(n for n in self.takes if self.sizes[n])
         self.key: str | None = None
@@ -91,6 +94,8 @@ class Operator:
         self.dtype = np.dtype(self.opened.target.dtype)
         self.nan = solver.bad_states == "nan"
         self._copy: Any = None
+        self.tensors: Any = None  # defaults in PyTorch
+        self.wanted: dict[int, Any] = {}  # selections of gradients in PyTorch
         q, u = solver.initial
         self.defaults = {
             "q": q, "u": u, "p": solver.parameters, "inputs": np.zeros(solver.ninputs), "t": np.zeros(1),

@@ -9,6 +9,9 @@ import numpy as np
 
 from ..operators import Operator, bound, checked_batch, given_entry, operator, wrong_type
 
+MOST_SHAPES = 1000
+"""Number of combinations of shapes that a function remembers as right."""
+
 
 def function(solver: Any, name: str) -> Callable[..., Any]:
     """Return a function of a solver as a differentiable operator of PyTorch.
@@ -68,18 +71,22 @@ def _of(of: Operator) -> Callable[..., Any]:
     """The function of an operator."""
     import torch
 
-    from .operators import called, key_of, order
+    from .operators import called, defaults_of, key_of
 
-    key, names = key_of(of), order(of)
+    key, names, defaults = key_of(of), of.six, defaults_of(of)
     kind = getattr(torch, str(of.dtype))
-    defaults = {n: torch.tensor(x, dtype=kind) for n, x in of.defaults.items()}
-    defaults["t"], defaults[""] = torch.zeros((), dtype=kind), torch.zeros(0, dtype=kind)
+    nothing = torch.zeros(0, dtype=kind)
+    seen: set[Any] = set()
 
     def call(*arguments: Any, **named: Any) -> Any:
         given = bound(of, arguments, named)
         x = {n: tensor(of, n, a, defaults[n], kind) for n, a in given.items()}
-        checked_batch(of, {n: tuple(a.shape) for n, a in x.items()})
-        return called(*(x[n] if n in x else defaults[""] for n in names), key)
+        shapes = () if torch.compiler.is_compiling() else tuple([a.shape for a in x.values()])
+        if shapes not in seen:  # a check takes longer than this table
+            checked_batch(of, {n: tuple(a.shape) for n, a in x.items()})
+            if shapes and len(seen) < MOST_SHAPES:
+                seen.add(shapes)
+        return called(*[x.get(n, nothing) for n in names], key)
 
     call.__name__ = call.__qualname__ = of.name
     call.operator = of  # type: ignore[attr-defined]  # keeps it as long as the function
@@ -90,12 +97,12 @@ def tensor(of: Operator, name: str, x: Any, default: Any, kind: Any) -> Any:
     """An argument as a tensor of the package's type."""
     import torch
 
-    if type(x) is torch.Tensor and x.dtype == kind and x.device.type == "cpu":
+    if type(x) is torch.Tensor and x.dtype is kind and x.is_cpu:
         return x
     if x is None:
         return default
     if type(x) is float:
-        return torch.tensor(x, dtype=kind)
+        return torch.tensor(x, dtype=kind) if x or name != "t" else default
     if isinstance(x, Mapping):
         entries = {
             of.index(name, entry): tensor(of, name, given_entry(of, name, entry, y), default, kind)

@@ -15,14 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..operators import STATE, Operator
+from ..operators import Operator
+from ..runtime.standalone.calls.functions import Wanted
 
 ARGUMENTS = 6
-GRADIENTS = {
-    "accelerations": "gradients", "outputs": "output_gradients", "energies": "energy_gradients",
-    "coordinate_rates": "coordinate_rate_gradients",
-}  # fmt: skip
-"""Methods for gradients of weighted sums, by function."""
+EVERY = 2**ARGUMENTS - 1
+"""Gradients that are needed, as bits: those by all arguments."""
 
 PLAIN = (Tensor, torch.nn.Parameter)
 """Types of tensors with numbers."""
@@ -50,14 +48,18 @@ def operator_of(key: str) -> Operator:
 # ---- shapes ----------------------------------------------------------------------------------------------------------
 
 
-def order(of: Operator) -> tuple[str, ...]:
-    """Names of the six arguments; the last one is empty where there is no further argument."""
-    return (*STATE, next((n for n in of.takes if n not in STATE), ""))
+def defaults_of(of: Operator) -> dict[str, Tensor]:
+    """Defaults of the arguments; they are recognised as such."""
+    if of.tensors is None:
+        kind = getattr(torch, str(of.dtype))
+        of.tensors = {n: torch.tensor(x, dtype=kind) for n, x in of.defaults.items()}
+        of.tensors["t"] = torch.zeros((), dtype=kind)
+    return dict(of.tensors)
 
 
 def lead(of: Operator, x: Sequence[Tensor]) -> tuple[Any, ...]:
     """The batch shape of arguments."""
-    names = order(of)
+    names = of.six
     shapes = [a.shape if n == "t" else a.shape[:-1] for n, a in zip(names, x, strict=True) if n in of.takes]
     return tuple(torch.broadcast_shapes(*shapes))
 
@@ -71,27 +73,39 @@ def _summed(gradient: Any, like: Tensor) -> Tensor:
 # ---- the solver's methods --------------------------------------------------------------------------------------------
 
 
+def _array(x: Tensor) -> Any:
+    """The numbers of a tensor, without a copy if its memory holds them."""
+    x = x.detach() if x.requires_grad else x
+    return (x.resolve_neg() if x.is_neg() else x).numpy()
+
+
 def _given(of: Operator, x: Sequence[Tensor]) -> tuple[Any, ...]:
     """Arguments as the solver takes them."""
     found: list[Any] = []
-    for n, a in zip(order(of), x, strict=True):
-        if n:
-            there = n in of.takes and (of.sizes[n] or a.ndim > 1)
-            found.append(None if not there else a.item() if n == "t" and not a.ndim else a.detach().numpy())
+    defaults = of.tensors or {}
+    for n, a in zip(of.six, x, strict=True):
+        if not n:
+            continue
+        if n == "t":
+            found.append(0.0 if a is defaults.get("t") or n not in of.takes else _array(a) if a.ndim else a.item())
+        elif a is defaults.get(n) and n in ("p", "inputs"):
+            found.append(None)
+        else:
+            found.append(_array(a) if n in of.takes and (of.sizes[n] or a.ndim > 1) else None)
     return tuple(found)
 
 
 def _seeds(of: Operator, batch: tuple[int, ...], seeds: Sequence[Tensor | None]) -> tuple[Any, ...]:
     """One direction of each argument as the solver takes it."""
     found: list[Any] = []
-    for n, s in zip(order(of), seeds, strict=True):
+    for n, s in zip(of.six, seeds, strict=True):
         if not n:
             continue
         if s is None or n not in of.takes or (n != "t" and not of.sizes[n]):
             found.append(None)
             continue
         axes = len(batch) + (n != "t")
-        found.append(s.detach().numpy().reshape((1,) + (1,) * (axes - s.ndim) + tuple(s.shape)))
+        found.append(_array(s).reshape((1,) + (1,) * (axes - s.ndim) + tuple(s.shape)))
     return tuple(found)
 
 
@@ -103,21 +117,24 @@ def _along(of: Operator, x: Sequence[Tensor], seeds: Sequence[Tensor | None]) ->
     return of.runs._call(of.derived.along, _given(of, x), turned)[1][0]
 
 
-def _against(of: Operator, x: Sequence[Tensor], weights: Tensor) -> list[Any]:
-    """Gradients (*batch, n) by each argument; None where they are zero."""
+def _against(of: Operator, x: Sequence[Tensor], weights: Tensor, needed: int) -> list[Any]:
+    """Gradients (1, *batch, n) by each needed argument; None where they are zero."""
     batch = lead(of, x)
-    w = weights.detach().contiguous().numpy()
+    w = _array(weights.contiguous())
+    asked = [n for i, n in enumerate(of.six) if needed >> i & 1 and n in of.takes and of.sizes[n]]
     if of.has(of.derived.against):
-        method = getattr(of.runs, GRADIENTS[of.name])
-        return [*method(*_given(of, x), weights=w[None])[:], None] if len(of.shape) == 1 else []
-    names = [n for n in order(of) if n in of.takes and of.sizes[n]]
+        if needed not in of.wanted:
+            of.wanted[needed] = Wanted(of.derived.against, [f"d{n}" for n in asked])
+        by = dict(zip(asked, of.runs._call(of.wanted[needed], _given(of, x), (w[None],)), strict=True)) if asked else {}
+        return [by.get(n) for n in of.six]
+    names = asked
     sizes = [of.sizes[n] for n in names]
     units = np.eye(sum(sizes), dtype=of.dtype)
     parts, start = {}, 0
     for n, m in zip(names, sizes, strict=True):
         part = units[:, start : start + m].reshape(len(units), *(1,) * len(batch), m)
         parts[n], start = part[..., 0] if n == "t" else part, start + m
-    seeds = tuple([parts.get(n) for n in order(of) if n])
+    seeds = tuple([parts.get(n) for n in of.six if n])
     whole = of.runs._call(of.derived.along, _given(of, x), seeds)[1]
     axes = tuple(range(-len(of.shape), 0))
     sums = np.moveaxis((whole * w).sum(axes), 0, -1)
@@ -125,14 +142,14 @@ def _against(of: Operator, x: Sequence[Tensor], weights: Tensor) -> list[Any]:
     for n, m in zip(names, sizes, strict=True):
         part = sums[..., start : start + m]
         found[n], start = (part[..., 0] if n == "t" else part)[None], start + m
-    return [found.get(n) for n in order(of)]
+    return [found.get(n) for n in of.six]
 
 
-def _gradients(of: Operator, x: Sequence[Tensor], found: Sequence[Any]) -> tuple[Tensor, ...]:
-    """Gradients with the shapes of the arguments."""
+def _gradients(x: Sequence[Tensor], found: Sequence[Any]) -> tuple[Tensor, ...]:
+    """Gradients with the shapes of the arguments, contiguous."""
     made = []
     for a, g in zip(x, found, strict=True):
-        made.append(torch.zeros_like(a) if g is None or not a.numel() else _summed(g[0], a))
+        made.append(a.new_zeros(a.shape) if g is None or not a.numel() else _summed(g[0], a))
     return tuple(made)
 
 
@@ -156,7 +173,7 @@ def _directional(*given: Any) -> Tensor:
 
 def _weighted(*given: Any) -> tuple[Tensor, ...]:
     of = operator_of(given[-1])
-    return _gradients(of, given[:6], _against(of, given[:6], given[6]))
+    return _gradients(given[:6], _against(of, given[:6], *given[6:8]))
 
 
 def _curved(*given: Any) -> tuple[Tensor, ...]:
@@ -166,10 +183,10 @@ def _curved(*given: Any) -> tuple[Tensor, ...]:
         raise NotImplementedError(of.no_curvature())
     turned = _seeds(of, lead(of, x), seeds)
     if all(s is None for s in turned):
-        return _gradients(of, x, [None] * ARGUMENTS)
+        return _gradients(x, [None] * ARGUMENTS)
     named = dict(zip(("dq", "du", "dp", "dinputs", "dt"), turned, strict=False))
-    found = of.runs.hessian_products(*_given(of, x), weights=weights.detach().numpy(), **named)
-    return _gradients(of, x, [*found, None])
+    found = of.runs.hessian_products(*_given(of, x), weights=_array(weights), **named)
+    return _gradients(x, [*found, None])
 
 
 def _value_fake(*given: Any) -> Tensor:
@@ -191,7 +208,7 @@ def _made(name: str, signature: str, run: Callable[..., Any], fake: Callable[...
 
 value = _made("value", SIX, _value, _value_fake)
 along = _made("along", f"{SIX}, {SEEDS}", _directional, _value_fake)
-against = _made("against", f"{SIX}, Tensor weights", _weighted, _gradients_fake)
+against = _made("against", f"{SIX}, Tensor weights, int needed", _weighted, _gradients_fake)
 curved = _made("curved", f"{SIX}, Tensor weights, {SEEDS}", _curved, _gradients_fake)
 
 
@@ -219,7 +236,7 @@ class Value(torch.autograd.Function):
     def backward(ctx: Any, weights: Any) -> Any:
         if weights is None:
             return (None,) * 7
-        return (*Against.apply(*ctx.saved_tensors, weights, ctx.key), None)
+        return (*Against.apply(*ctx.saved_tensors, weights, _bits(ctx.needs_input_grad[:6]), ctx.key), None)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> Any:
@@ -248,7 +265,7 @@ class Along(torch.autograd.Function):
         if any(ctx.needs_input_grad[:6]):
             second = Curved.apply(*x, weights, *seeds, ctx.key)
         if any(ctx.needs_input_grad[6:12]):
-            first = Against.apply(*x, weights, ctx.key)
+            first = Against.apply(*x, weights, _bits(ctx.needs_input_grad[6:12]), ctx.key)
         return (*second, *(g if s is not None else None for g, s in zip(first, seeds, strict=True)), None)
 
     @staticmethod
@@ -267,25 +284,29 @@ class Along(torch.autograd.Function):
 
 
 class Against(torch.autograd.Function):
-    """The gradients of a weighted sum of results."""
+    """The gradients of a weighted sum of results; those that are not needed are zero."""
 
-    setup_context = staticmethod(_keep)
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        _keep(ctx, (*inputs[:-2], inputs[-1]), output)
+        ctx.needed = inputs[-2]
 
     @staticmethod
     def forward(*given: Any) -> Any:
-        return _weighted(*given) if plain(given) else against(*given)
+        return _weighted(*given) if plain((*given[:-2], given[-1])) else against(*given)
 
     @staticmethod
     def backward(ctx: Any, *seeds: Any) -> Any:
         x, weights = ctx.saved_tensors[:6], ctx.saved_tensors[6]
+        seeds = tuple([s if ctx.needed >> i & 1 else None for i, s in enumerate(seeds)])
         second, first = _none(6), None
         if all(s is None for s in seeds):
-            return _none(8)
+            return _none(9)
         if any(ctx.needs_input_grad[:6]):
             second = Curved.apply(*x, weights, *seeds, ctx.key)
         if ctx.needs_input_grad[6]:
             first = Along.apply(*x, *seeds, ctx.key)
-        return (*second, first, None)
+        return (*second, first, None, None)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> Any:
@@ -294,12 +315,15 @@ class Against(torch.autograd.Function):
         if any(t is not None for t in tangents[:6]):
             parts.append(Curved.apply(*x, weights, *tangents[:6], ctx.key))
         if tangents[6] is not None:
-            parts.append(Against.apply(*x, tangents[6], ctx.key))
+            parts.append(Against.apply(*x, tangents[6], ctx.needed, ctx.key))
         return tuple(sum(each[1:], each[0]) for each in zip(*parts, strict=True))
 
     @staticmethod
     def vmap(info: Any, dims: Any, *given: Any) -> Any:
-        return _mapped(Against.apply, info, dims, given, weights=True)
+        def run(*x: Any) -> Any:
+            return Against.apply(*x[:-1], given[-2], x[-1])
+
+        return _mapped(run, info, (*dims[:-2], None), (*given[:-2], given[-1]), weights=True)
 
 
 class Curved(torch.autograd.Function):
@@ -331,7 +355,7 @@ def _keep_compiled(ctx: Any, inputs: Any, output: Any) -> None:
 
 def _backward_compiled(ctx: Any, weights: Any) -> Any:
     """Gradients in compiled programs, which hold the operators themselves."""
-    return (*against(*ctx.saved_tensors, weights, ctx.key), None)
+    return (*against(*ctx.saved_tensors, weights, _bits(ctx.needs_input_grad[:6]), ctx.key), None)
 
 
 value.register_autograd(_backward_compiled, setup_context=_keep_compiled)
@@ -347,7 +371,7 @@ def called(*given: Any) -> Any:
     """The function as autograd sees it."""
     if torch.compiler.is_compiling():
         return value(*given)
-    if plain(given) and not _differentiated(given):
+    if not _differentiated(given) and plain(given):
         return _value(*given)
     return Value.apply(*given)
 
@@ -357,6 +381,10 @@ def _differentiated(given: Sequence[Any]) -> bool:
     if torch._C._are_functorch_transforms_active() or torch.autograd.forward_ad._current_level >= 0:
         return True
     return torch.is_grad_enabled() and any(x.requires_grad for x in given[:-1])
+
+
+def _bits(needed: Sequence[bool]) -> int:
+    return sum(1 << i for i, x in enumerate(needed) if x)
 
 
 def _none(n: int) -> tuple[Any, ...]:
@@ -378,7 +406,7 @@ def _mapped(
 ) -> Any:
     """Runs an operation with the axis of vmap as the first batch axis; results with weights are gradients."""
     of, size = operator_of(given[-1]), info.batch_size
-    entries = [0 if n == "t" else 1 for n in order(of)]
+    entries = [0 if n == "t" else 1 for n in of.six]
     every = entries + [len(of.shape)] * weights + entries * seeds
     operands = [*zip(given[:-1], dims[:-1], every, strict=True)]
     axes = max(x.ndim - (d is not None) - e for x, d, e in operands if x is not None)

@@ -95,7 +95,7 @@ def test_compiled_programs_keep_the_operators(pendulum: codegen.Solver) -> None:
     checks = ("test_schema", "test_faketensor")
     torch.library.opcheck(of.value, given, test_utils=checks)
     weights = torch.ones(50, 2).double()
-    torch.library.opcheck(of.against, (*given[:6], weights, given[-1]), test_utils=checks)
+    torch.library.opcheck(of.against, (*given[:6], weights, of.EVERY, given[-1]), test_utils=checks)
 
 
 @pytest.mark.parametrize(
