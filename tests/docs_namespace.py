@@ -17,7 +17,10 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "shaken": ("shaken_pendulum", {}),
     "pendulum": (
         "pendulum",
-        {"functions": "accelerations,gradients,motion,hessian_products,inverse_dynamics_hessian_products"},
+        {
+            "functions": "accelerations,gradients,motion,hessian_products,inverse_dynamics_hessian_products,"
+            "output_hessian_products,energy_hessian_products"
+        },
     ),
 }
 """Name of the solver, model in `EXAMPLES`, options of `generate`."""

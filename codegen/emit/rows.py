@@ -96,7 +96,9 @@ class RowWriter(SweepWriter):
         """Functions of the formulas of a target: for their values, tangents and transposes, as far as these are
         called."""
         result: dict[str, Any] = {
-            f"{kind}{part}": [] for kind in ("", "lane_", "back_", "twice_") for part in ("functions", "calls", "names")
+            f"{kind}{part}": []
+            for kind in ("", "lane_", "back_", "adjoint_", "twice_")
+            for part in ("functions", "calls", "names")
         }
 
         ground = len(self.plan.links)
@@ -135,13 +137,15 @@ class RowWriter(SweepWriter):
         made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
         if "back_" in parts and kind.transposed.stores:  # a formula that contains only numbers has no adjoint
             made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
+        if "adjoint_" in parts and kind.adjoint.stores:
+            made.append(("adjoint_", f"{name}_adjoint", kind.adjoint, f"adjoint of {about}"))
         if "twice_" in parts and kind.twice.stores:
             made.append(("twice_", f"{name}_twice", kind.twice, f"tangent of the transposed tangent of {about}"))
         for part, called, block, what in made:
             if part in parts:
                 of_numbers = f"d{name}" if part else name
                 f, call = self.rows_function(
-                    called, block, place, integers, numbers, what, bool(part), name, of_numbers
+                    called, block, place, integers, numbers, what, part not in ("", "adjoint_"), name, of_numbers
                 )
                 result[f"{part}functions"].append(f)
                 result[f"{part}calls"] += call

@@ -22,10 +22,12 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Prefix of the name of a formula's function: values, tangents, transposed tangents, or tangents of the latter."""
+    """Prefix of the name of a formula's function: values, tangents, transposed tangents, adjoints, or tangents of these."""
     if step.twice:
         return "twice_"
-    return "back_" if step.backwards else "lane_" if step.lanes else ""
+    if step.backwards:
+        return "back_" if step.lanes else "adjoint_"
+    return "lane_" if step.lanes else ""
 
 
 def name_of(step: Run | Formulas) -> str:

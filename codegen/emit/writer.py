@@ -79,16 +79,7 @@ class Writer(RowWriter):
                 for what in ("functions", "calls", "names")
             )
             if lines:
-                of = (
-                    "tangents of transposes of "
-                    if step.twice
-                    else "transpose of tangents of "
-                    if step.backwards
-                    else "tangents of "
-                    if step.lanes
-                    else ""
-                )
-                title = f"{of}{step.name.replace('_', ' ')}"
+                title = f"{ABOUT_PARTS[part_of(step)]}{step.name.replace('_', ' ')}"
                 signature = self.signature(name_of(step), step.lanes, False)
                 if lines == [self.call(names[0], step.lanes, None)]:  # a single function is called directly
                     found[step] = [replace(functions[0], signature=signature)]
@@ -143,6 +134,12 @@ class Writer(RowWriter):
             "interfaces": self.procedures,
         }  # fmt: skip
 
+
+ABOUT_PARTS = {
+    "": "", "lane_": "tangents of ", "back_": "transpose of tangents of ", "adjoint_": "adjoints of ",
+    "twice_": "tangents of transposes of ",
+}  # fmt: skip
+"""The beginnings of the titles of formulas' functions, by `runs.part_of`."""
 
 FORMULA_ORDER = (
     "tau", "outputs", "switches", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Set
 from dataclasses import field
 from functools import partial
 
@@ -112,11 +112,13 @@ def expand(
     read_outside: Iterable[Place] = (),
     progress: Progress = silent,
     whole: bool = True,
+    given: Set[Place] = frozenset(),
+    alone: bool = True,
 ) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
 
     `read_outside` are fields (memory, kind, field) that formulas read; `progress` is called for every sweep; `whole` says
-    that all functions are generated, so that every stored value should be read.
+    that all functions are generated, so that every stored value should be read. `given` and `alone`: see `SecondOrder`.
 
     Raises
     ------
@@ -136,7 +138,13 @@ def expand(
         patterns.overruled = False
         for sweep in chosen:
             patterns.settle(sweep)
-    chosen += _expand(program, patterns, chosen, wanted, progress, whole)
+    field_use = FieldUse(program.read_outside)
+    originals = _expand(program, patterns, chosen, wanted, progress, field_use)
+    if whole:
+        field_use.check()
+    if originals:
+        second = SecondOrder(patterns, originals, wanted, given, alone)
+        chosen += _differentiated_twice(program, chosen, second)
     linked = _links(program, patterns, chosen)
     _choose(program, linked)
     program.report.append(("expand", _Counter(program).total(), time.perf_counter() - start))
@@ -157,30 +165,30 @@ def expand(
 
 
 def _expand(
-    program: Program, patterns: Patterns, chosen: list[Sweep], wanted: set[str], progress: Progress, whole: bool
-) -> list[Sweep]:
-    """Writes all blocks; returns the sweeps whose blocks are derived from those of other sweeps (`second_order`)."""
-    system = program.system
-    field_use = FieldUse(program.read_outside)
+    program: Program, patterns: Patterns, chosen: list[Sweep], wanted: set[str], progress: Progress, field_use: FieldUse
+) -> dict[str, dict[int, Original]]:
+    """Writes all blocks; returns the original blocks of the sweeps that `second_order` differentiates."""
     originals: dict[str, dict[int, Original]] = {
         s: {} for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & wanted
     }
     for sweep in _timed(program, chosen, "expanding", progress):
-        for kind in sweep.kinds(system):
+        for kind in sweep.kinds(program.system):
             block, original = _written(patterns, field_use, sweep, kind)
             program.blocks[sweep.name][kind.index] = block
             if sweep.name in originals:
                 originals[sweep.name][kind.index] = original
-    if whole:
-        field_use.check()
-    if not originals:
-        return []
-    program.blocks |= {s: b for s, b in SecondOrder(patterns, originals, wanted).blocks().items() if s in wanted}
-    only_differentiated = originals.keys() - wanted
+    return originals
+
+
+def _differentiated_twice(program: Program, chosen: list[Sweep], second: SecondOrder) -> list[Sweep]:
+    """Adds the blocks that are derived from those of other sweeps; returns their sweeps."""
+    wanted = second.wanted
+    program.blocks |= {s: b for s, b in second.blocks().items() if s in wanted}
+    only_differentiated = second.originals.keys() - wanted
     for name in only_differentiated:
         del program.blocks[name]
     chosen[:] = [s for s in chosen if s.name not in only_differentiated]
-    program.read_outside |= read_outside_twice(system)
+    program.read_outside |= read_outside_twice(program.system)
     return [s for s in TWICE if s.name in program.blocks]
 
 

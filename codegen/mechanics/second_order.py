@@ -47,8 +47,10 @@ from .stores import (
     CL_PARAMETER,
     CONSTANTS,
     DFORCE,
+    DKINETIC,
     DMULTIPLIER_BAR,
     DP,
+    DPOTENTIAL,
     DUDOT_BAR,
     ELEMENT_CONSTANTS,
     LOOP_CONSTANTS,
@@ -107,11 +109,18 @@ class SecondOrder:
         By sweep and kind.
     wanted : set of str
         Names of the sweeps that run.
+    given : set of Place
+        Adjoints to which formulas over records contribute.
+    alone : bool
+        Whether one function only runs the sweeps.
     """
 
-    def __init__(self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]], wanted: Set[str]):
+    def __init__(
+        self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]], wanted: Set[str], given: Set[Place],
+        alone: bool,
+    ):  # fmt: skip
         self.patterns, self.system = patterns, patterns.system
-        self.originals, self.wanted = originals, wanted
+        self.originals, self.wanted, self.given = originals, wanted, given
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
         loops = bool(self.system.model.loops)
         self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()))
@@ -122,10 +131,13 @@ class SecondOrder:
         self.forward, inverse = mass_name("missing_forces") in wanted, not loops and "tree_motion" in originals
         """Whether products of the forward dynamics of a tree are among the functions."""
         self.dropped = () if loops or inverse else (DUDOT_BAR,)
-        self.one_of_trees = not loops and self.forward is not inverse
-        """Whether the model is a tree and only one function runs the sweeps: first contributions are then known."""
-        self.unread = () if loops else (DFORCE,)
-        self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)}
+        self.one_of_trees = alone and not loops and (self.forward or inverse)
+        """Whether the model is a tree, one function only runs the sweeps, and no formula contributes: first contributions
+        are then known."""
+        self.unread = (DKINETIC, DPOTENTIAL, *(() if loops else (DFORCE,)))
+        self.nonzero: set[Place] = {
+            ((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)
+        } | given
         """Tangents and adjoints that can differ from zero."""
 
     def blocks(self) -> dict[str, dict[int, Block]]:
@@ -216,7 +228,7 @@ class SecondOrder:
         """The tangents without those stores on which no result depends; such stores have no adjoints."""
         of = [(s, k, tangents[s.name][k.index]) for s in reversed(self.sweeps) for k in reversed(self._kinds(s))]
         found: dict[str, dict[int, Block]] = {s.name: {} for s in self.sweeps}
-        read: set[Place] = set()
+        read: set[Place] = {((TANGENT, ""), k, n) for _, k, n in self.given}
         known = -1
         while known != len(read):
             known = len(read)

@@ -17,13 +17,15 @@ from .ears.orthogonal import RankLossError
 from .elimination import ZeroPivotError
 from .expansion import Program, expand
 from .formulas import coefficient_formulas, force_formulas, initial_formulas, motion_formulas
+from .formulas_twice import differentiate_records
 from .outputs.frames import SIZES, frame_formulas, place_formulas
 from .outputs.outputs import output_formulas, potential_formula
 from .outputs.switches import switch_formulas
+from .patterns import GROUND_KIND
 from .patterns import Place as MemoryPlace
 from .plan import plan_of
 from .procedures import SECOND_ORDER, SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
-from .stores import LAID_OUT, SLOT
+from .stores import ADJOINT, ADJOINT_LANE, LAID_OUT, SLOT
 from .structure.kinds import RegionKind
 from .structure.system import System, analyse
 from .sweeps import transpose_name, values_name
@@ -64,9 +66,9 @@ def expanded(
     model = system.model
     selected = procedures(system, reactions, functions, frames, moves)
     read = {t for p in selected for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
-    if any(p.name in SECOND_ORDER for p in selected):
-        for shape in system.shapes:
-            differentiate_twice(shape)
+    second = [p for p in selected if p.name in SECOND_ORDER]
+    for shape in system.shapes if second else ():
+        differentiate_twice(shape)
     values, records = output_formulas(system)
     if SWITCHES.targets[0] in read:
         of_state, of_points = switch_formulas(system)
@@ -78,11 +80,12 @@ def expanded(
     records = [r for r in records if r.target in read]
     for target in SIZES:
         records += frame_formulas(system, target) if target in read else []
+    _differentiate_twice(second, [*values, *records], bool(model.loops))
     try:
         wanted, backwards = sweeps(selected), swept_backwards(selected)
-        program = expand(
-            system, wanted.union(backwards), _read_by_formulas(system, records), progress, functions is None
-        )
+        read_by, given = _read_by_formulas(system, records), _given_by_formulas(system, records)
+        all_sweeps, whole = wanted.union(backwards), functions is None
+        program = expand(system, all_sweeps, read_by, progress, whole, given, len(second) == 1)
     except RankLossError as error:
         raise ModelError([model.problem("loops", str(error))]) from None
     except OverflowError as error:
@@ -97,6 +100,7 @@ def expanded(
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
+    _drop_unknown(records, program)
     formulas = [*force_formulas(system), *coefficient_formulas(system), *motion_formulas(model), *values]
     formulas += [*initial_formulas(model), *place_formulas(model)]
     formulas = [*(f for f in formulas if f.target in read), *records]
@@ -110,13 +114,48 @@ def expanded(
     return program, plan_of(program, formulas), selected
 
 
+def _differentiate_twice(second: list[Procedure], formulas: list[Formula], loops: bool) -> None:
+    """Prepares the formulas that functions with second derivatives evaluate."""
+    curved = {t for p in second for s in walk(p.steps) if isinstance(s, Formulas) and s.twice for t in s.targets}
+    for formula in formulas:
+        formula.in_loops = loops
+        if formula.target in curved and formula.differentiable is not None:
+            differentiate_records(formula)
+
+
+def _kinds_of(system: System, links: tuple[int, ...]) -> list[int]:
+    return [GROUND_KIND if link == GROUND else system.kind_of[link].index for link in links]
+
+
+def _given_by_formulas(system: System, records: list[Formula]) -> set[MemoryPlace]:
+    """Adjoints of records to which formulas contribute."""
+    found: set[MemoryPlace] = set()
+    for r in records:
+        for _, links, _, _ in r.rows if r.of_records else ():
+            kinds = _kinds_of(system, links)
+            stores = [(a, n) for a, n, _ in r.adjoint.stores if a.memory is ADJOINT]
+            found |= {((a.memory, ""), kinds[a.place or 0], n) for a, n in stores}
+    return found
+
+
+def _drop_unknown(formulas: list[Formula], program: Program) -> None:
+    """Drops contributions of formulas to adjoints that no sweep reads."""
+    for f in formulas:
+        for block in f.of_records or ():
+            block.stores = [
+                (a, n, e)
+                for a, n, e in block.stores
+                if a.memory not in (ADJOINT, ADJOINT_LANE) or n in program.fields[a.memory]
+            ]
+
+
 def _read_by_formulas(system: System, records: list[Formula]) -> set[MemoryPlace]:
     """Components of records and lanes that outputs and the potential energy read."""
     read: set[MemoryPlace] = set()
     for r in records:
         for _, links, _, _ in r.rows:
-            kinds = [-1 if link == GROUND else system.kind_of[link].index for link in links]
-            for block in (r.value, r.tangent):
+            kinds = _kinds_of(system, links)
+            for block in (r.value, r.tangent, *(r.of_records or ())):
                 for store, name in block.loads.values():
                     if store.memory in LAID_OUT:
                         sweep = "moment_tangents" if store.memory is SLOT else ""

@@ -170,6 +170,12 @@ CE_GP, CE_DGP = Store("cegp", ELEMENT, PER_PARAMETER), Store("cedgp", ELEMENT, P
 CL_GP, CL_DGP = Store("clgp", LOOP, PER_PARAMETER), Store("cldgp", LOOP, PER_PARAMETER_LANE)
 """Gradients of a weighted sum."""
 
+KINETIC_BAR, DKINETIC_BAR = Store("energy_bar", MODEL, ENERGY), Store("denergy_bar", MODEL, ENERGY_LANE)
+POTENTIAL_BAR, DPOTENTIAL_BAR = Store("potential_bar", MODEL, ENERGY), Store("dpotential_bar", MODEL, ENERGY_LANE)
+MASSES_BAR, DMASSES_BAR = Store("masses_bar", MODEL, SUM), Store("dmasses_bar", MODEL, SUM_LANE)
+MOMENTA_BAR, DMOMENTA_BAR = Store("momenta_bar", MODEL, SUM), Store("dmomenta_bar", MODEL, SUM_LANE)
+"""Adjoints of energies and of sums over all links."""
+
 MULTIPLIER, DMULTIPLIER = Store("multiplier", LOOP, PER_CONDITION), Store("dmultiplier", LOOP, PER_CONDITION_LANE)
 MULTIPLIER_BAR, DMULTIPLIER_BAR = (
     Store("multiplier_bar", LOOP, PER_CONDITION),

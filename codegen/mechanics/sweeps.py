@@ -318,11 +318,11 @@ def _together() -> list[Sweep]:
 
 
 DIFFERENTIATED_TWICE = (
-    "rotations", "pose", "velocities", "clear", "loads", "found_motion", "missing_forces", "tree_motion", "clear_wrenches",
-    "wrenches", "tree_forces", "acceleration_gaps", "rate_gaps", "gaps", "coordinate_forces",
-    "tangential_gradients",
+    "rotations", "pose", "velocities", "kinetic", "masses", "momenta", "moments", "element_energy", "clear", "loads",
+    "found_motion", "missing_forces", "tree_motion", "clear_wrenches", "wrenches", "tree_forces", "acceleration_gaps",
+    "rate_gaps", "gaps", "coordinate_forces", "tangential_gradients",
 )  # fmt: skip
-"""Sweeps of the inverse dynamics and of the loops' conditions, in their order; see `second_order`."""
+"""Sweeps of the inverse dynamics, of quantities and of the loops' conditions, in their order; see `second_order`."""
 
 
 def along_name(sweep: str) -> str:

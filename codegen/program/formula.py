@@ -36,6 +36,12 @@ class Formula:
         For each formula: its path in the model file.
     curvature : callable () -> Block or None
         Returns the block of `twice` if second derivatives may be infinite; otherwise None.
+    of_records : tuple of two Block, optional
+        The blocks of `adjoint` and `twice` of a formula over records.
+    differentiable : Block, optional
+        The value of a formula over records, with margins that must be positive where it has a derivative.
+    in_loops : bool
+        Whether `adjoint` includes the gradients by coordinates and speeds, which multipliers of loops balance.
     """
 
     name: str
@@ -45,6 +51,9 @@ class Formula:
     rows: list[Row] = field(default_factory=list)
     places: list[str] = field(default_factory=list)
     curvature: Callable[[], Block | None] = lambda: None
+    of_records: tuple[Block, Block] | None = None
+    differentiable: Block | None = None
+    in_loops: bool = False
 
     @cached_property
     def transposed(self) -> Block:
@@ -56,18 +65,33 @@ class Formula:
         made.stores += [s for s in self.tangent.stores if s[0].memory is MARGIN]
         return simplify(made)
 
-    @cached_property
-    def twice(self) -> Block:
-        """From the adjoint of a result and its tangent, compute the contributions to the tangents of the gradients."""
-        known = self.curvature()
-        if known is not None:
-            return simplify(known)
-
+    def _adjoint(self) -> Block:
         def place(store: Store) -> Store:
             name = store.name.removeprefix("d")
             return argument(f"{name}_bar" if name == self.target else f"g{name}")
 
-        back = adjoint(self.tangent, f"{self.tangent.name}_adjoint", "", place, lambda store, name: True)
+        title = f"adjoint of {self.value.title}"
+        return adjoint(self.tangent, f"{self.value.name}_adjoint", title, place, lambda store, name: True)
+
+    @cached_property
+    def adjoint(self) -> Block:
+        """From the adjoint of a result, compute the contributions to the adjoints of records, or to the gradients by
+        coordinates and speeds; other gradients are not read."""
+        if self.of_records is not None:
+            return self.of_records[0]
+        made = self._adjoint()
+        made.stores = [s for s in made.stores if self.in_loops and s[0].name in ("gq", "gu")]
+        return simplify(made)
+
+    @cached_property
+    def twice(self) -> Block:
+        """From the adjoint of a result and its tangent, compute the contributions to the tangents of the gradients."""
+        if self.of_records is not None:
+            return self.of_records[1]
+        known = self.curvature()
+        if known is not None:
+            return simplify(known)
+        back = self._adjoint()
 
         def tangent_of(store: Store, name: str) -> Component | None:
             return None if store is NUMBER or store is MODES else (argument(f"d{store.name}", lanes=True), name)

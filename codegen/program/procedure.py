@@ -68,7 +68,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, tangents, transposed tangents, or tangents of these (`twice`)."""
+    """Evaluate the model's own formulas of some targets, tangents, transposed tangents, or tangents of these (`twice`).
+
+    `backwards` without `lanes`: the transposed tangents for one vector of weights, as far as other steps read their results.
+    """
 
     name: str
     targets: tuple[str, ...]
@@ -82,11 +85,15 @@ class Formulas:
     def transpose(self) -> Formulas:
         return replace(self, lanes=True, backwards=True)
 
+    def adjoint(self) -> Formulas:
+        return replace(self, backwards=True)
+
     @property
     def called(self) -> str:
         """Name of the function."""
-        of_lanes = "twice" if self.twice else "transposed" if self.backwards else "tangents"
-        return f"{self.name}_{of_lanes}" if self.lanes else self.name
+        if not self.lanes:
+            return f"{self.name}_adjoint" if self.backwards else self.name
+        return f"{self.name}_{'twice' if self.twice else 'transposed' if self.backwards else 'tangents'}"
 
 
 @dataclass(frozen=True, slots=True)

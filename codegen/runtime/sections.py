@@ -31,7 +31,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "weighted gradients": (
         "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients",
     ),
-    "second derivatives": ("hessian_products", "inverse_dynamics_hessian_products"),
+    "second derivatives": (
+        "hessian_products", "output_hessian_products", "energy_hessian_products", "inverse_dynamics_hessian_products",
+    ),
     "energies": ("energies", "energy_sensitivities"), "outputs": ("outputs", "output_sensitivities"),
     "forces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "inverse of the mass matrix": ("inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),

@@ -13,7 +13,7 @@ from ...model.grammar import Tree
 from ...model.model import GROUND, Model, Output
 from ...program import algebra
 from ...program.algebra import Expr, Symbol
-from ...program.block import Expansion
+from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
 from ...program.formula import Formula
 from ...program.functions import SYMBOLIC
@@ -113,6 +113,8 @@ def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: i
         x.set_entry(argument(target), i, e)
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
     values = [algebra.expression(e) for e in write(y, True)]
+    stores = [*y.block.stores, *((argument(target), str(i), value) for i, value in enumerate(values))]
+    differentiable = Block(target, title, dict(y.block.loads), list(y.block.statements), stores)
     seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
         if a.memory is RECORD:
@@ -125,7 +127,8 @@ def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: i
         d.statement(statement)
     for i, value in enumerate(values):
         y.set_entry(argument(f"d{target}", lanes=True), i, d.value(value))
-    return Formula(f"{target}_of_link_{index}", target, simplify(x.finish()), simplify(y.finish()))
+    name = f"{target}_of_link_{index}"
+    return Formula(name, target, simplify(x.finish()), simplify(y.finish()), differentiable=differentiable)
 
 
 def potential_formula(system: System) -> Formula | None:

@@ -12,7 +12,6 @@ from ...program.procedure import (
     Array,
     Bind,
     Combine,
-    Formulas,
     Own,
     Prepare,
     Procedure,
@@ -25,7 +24,8 @@ from ..quantities import run
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
-from .second_order_loops import WithLoops
+from .second_order_loops import WithLoops, bar_of
+from .second_order_measures import ENERGY_PRODUCTS, OUTPUT_PRODUCTS, energy_products, lacking, output_products
 from .shared import Shared, performed
 from .words import OTHER_WIDTHS
 
@@ -134,12 +134,7 @@ class _Parts:
             "missing_forces",
         ]
         self.formulas = [*w.motions, *w.forces, *w.coefficients]
-        self.bars = [self._bar(f) for f in self.formulas]
-
-    def _bar(self, formulas: Formulas) -> Array:
-        """The array of the adjoints of some formulas."""
-        (target,) = formulas.targets
-        return Array(f"{target}_bar", (), self.w.system.arrays.get(target) or self.w.one(target).size)
+        self.bars = [bar_of(w, f) for f in self.formulas]
 
     def weights(self, plus: tuple[Array, ...], minus: tuple[Array, ...] = ()) -> list[Step]:
         """The adjoints of missing joint forces, and zeros to which blocks add adjoints of formulas."""
@@ -220,5 +215,7 @@ def _tree(w: Shared) -> str:
 SECOND_ORDER: Mapping[str, tuple[Callable[[Shared], str], Callable[[Shared], Procedure]]] = {
     HESSIAN_PRODUCTS: (_freedom, hessian_products),
     INVERSE_DYNAMICS_PRODUCTS: (_tree, inverse_dynamics_products),
+    ENERGY_PRODUCTS: (lambda w: "", energy_products),
+    OUTPUT_PRODUCTS: (lacking, output_products),
 }
 """For each function: what a model lacks for it, or "", and the procedure."""

@@ -241,6 +241,12 @@ class WithLoops:
         return performed("tangents_of_adjoints", doc, steps)
 
 
+def bar_of(w: Shared, formulas: Formulas) -> Array:
+    """The array of the adjoints of some formulas."""
+    (target,) = formulas.targets
+    return Array(f"{target}_bar", (), w.system.arrays.get(target) or w.one(target).size)
+
+
 def run_along(sweep: str) -> tuple[Run, ...]:
     """The step that runs the tangent of a sweep."""
     return (Run(along_name(sweep), True),)

@@ -978,6 +978,87 @@ class Solver(Package):
         """
         return self._hessians.products("accelerations", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
 
+    def output_hessian_products(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
+        dq: Numbers = None, du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Numbers = None,
+        out: Any = None,
+    ) -> HessianProducts:  # fmt: skip
+        """Return products of the Hessian of ``sum_i weights_i outputs_i`` with directions, exact to rounding.
+
+        They are the changes of its gradient (`output_gradients`) along the directions; see `hessian_products`. The
+        function is generated on request, with ``--functions``. No output of the
+        model may depend on accelerations.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
+        weights : array_like (..., noutputs)
+            Weights of the outputs.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed.
+        out : tuple of ndarray, optional
+            Arrays for the five results.
+
+        Returns
+        -------
+        HessianProducts
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> pendulum.output_hessian_products([0.5], [0.0], weights={"x": 1.0}, dq=[1.0]).q.round(3)  # -sin(q)
+        array([[-0.479]])
+        """
+        return self._hessians.products("outputs", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
+
+    def energy_hessian_products(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
+        dq: Numbers = None, du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Numbers = None,
+        out: Any = None,
+    ) -> HessianProducts:  # fmt: skip
+        """Return products of the Hessian of a weighted sum of kinetic and potential energy with directions, exact to rounding.
+
+        They are the changes of its gradient (`energy_gradients`) along the directions; see `hessian_products`. The
+        function is generated on request, with ``--functions``.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
+        weights : array_like (..., 2)
+            Weights of kinetic and potential energy.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed.
+        out : tuple of ndarray, optional
+            Arrays for the five results.
+
+        Returns
+        -------
+        HessianProducts
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> pendulum.energy_hessian_products([0.5], [0.0], weights=[1.0, 1.0], dq=[1.0]).q.round(3)  # m g l cos(q)
+        array([[8.609]])
+        """
+        return self._hessians.products("energies", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
+
     def inverse_dynamics_hessian_products(
         self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         weights: Numbers, dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None,
@@ -1022,9 +1103,9 @@ class Solver(Package):
 
     def hessians(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
-        wrt: str | Sequence[str] | None = "q, u, p",
+        wrt: str | Sequence[str] | None = "q, u, p", of: str = "accelerations",
     ) -> Array:  # fmt: skip
-        """Return the Hessian of ``sum_i weights_i udot_i``, exact to rounding.
+        """Return the Hessian of ``sum_i weights_i udot_i``, or of another weighted sum, exact to rounding.
 
         Each column is one product with a direction, see `hessian_products`. The matrix is symmetric to rounding,
         unless loops determine a part of a quaternion or position: its entries then depend on each other.
@@ -1036,9 +1117,12 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
-            Weights of the entries of udot.
+            Weights of the entries of udot, or of the results of `of`.
         wrt : str or iterable of str, optional
             Variables of rows and columns: names among q, u, p, inputs and t, used in this order. Default: all.
+        of : str, optional
+            The function whose results are summed: "accelerations", "outputs" or "energies". Generate its products,
+            such as `output_hessian_products`.
 
         Returns
         -------
@@ -1048,7 +1132,7 @@ class Solver(Package):
         Raises
         ------
         ValueError
-            If an argument has the wrong shape, a number is not finite, or `wrt` names no variable.
+            If an argument has the wrong shape, a number is not finite, `wrt` names no variable, or `of` no function.
 
         Examples
         --------
@@ -1056,7 +1140,7 @@ class Solver(Package):
         array([[4.703, 0.   ],
                [0.   , 0.   ]])
         """
-        return self._hessians.matrix("accelerations", (q, u, p, inputs, t, weights), wrt)
+        return self._hessians.matrix(of, (q, u, p, inputs, t, weights), wrt)
 
     @functools.cached_property
     def _hessians(self) -> Hessians:

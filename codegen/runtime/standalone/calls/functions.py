@@ -102,7 +102,7 @@ MADE_OF = {
     **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
-    "hessians": ("hessian_products",),
+    "hessians": ("hessian_products", "output_hessian_products", "energy_hessian_products"),
 }  # fmt: skip
 """Methods, each with the generated functions of other names that it calls."""
 
@@ -113,7 +113,7 @@ SOMETIMES = (
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "hessian_products", "hessians", "inverse_dynamics_hessian_products",
-    "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "output_hessian_products", "energy_hessian_products", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that a package may lack."""

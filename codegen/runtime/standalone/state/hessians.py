@@ -37,6 +37,9 @@ class Hessians(Room):
 
     def matrix(self, of: str, given: tuple[Any, ...], wrt: str | Iterable[str] | None) -> Array:
         """See `Solver.hessians`."""
+        known = [n for n in CURVED if n != "inverse_dynamics"]
+        if of not in known:
+            raise ValueError(f"of is {of!r}, expected one of {', '.join(known)}")
         names = asked_for(wrt)
         sizes = {n: self._arguments.shapes[n][0] if n != "t" else 1 for n in names}
         units: dict[str, Numbers] = {}

@@ -1,0 +1,219 @@
+"""Products with second derivatives of outputs and energies, for trees and loops; see `codegen.mechanics.second_order`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from ...program.procedure import (
+    ADJOINT_TANGENTS,
+    ADJOINT_VALUES,
+    AddEntry,
+    Array,
+    Bind,
+    Check,
+    Combine,
+    Formulas,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Run,
+    Step,
+    Zero,
+    ZeroEntries,
+)
+from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
+from ..quantities import ENERGIES, Quantity, measured, run
+from ..sweeps import DIFFERENTIATED_TWICE, adjoint_name, along_name
+from .measures import energies
+from .second_order_loops import MULTIPLIERS, WithLoops, bar_of, run_along
+from .shared import Shared, performed
+from .words import OTHER_WIDTHS, OUTPUTS
+
+ENERGY_PRODUCTS, OUTPUT_PRODUCTS = "energy_hessian_products", "output_hessian_products"
+
+
+def energy_products(w: Shared) -> Procedure:
+    """The Hessian of a weighted sum of both energies times directions: the change of its gradient along them."""
+    bar = w.one("energy").called("energy_bar")
+    weights = w.one("energy_weights")
+    made = Measures(w, "energy", measured(w.system, (), range(len(ENERGIES))), ())
+    begin: tuple[Step, ...] = (Combine(bar, (weights,)),)
+    return made.procedure(ENERGY_PRODUCTS, energies(w)[0].arguments, weights, begin)
+
+
+def output_products(w: Shared) -> Procedure:
+    """The Hessian of a weighted sum of outputs times directions: the change of its gradient along them."""
+    read: set[str] = set()
+    for o, m in zip(w.system.model.outputs, w.measures, strict=True):
+        if isinstance(m, RecordMeasure):
+            read |= {*m.reads, *m.also(o)}
+    entries = {i: m.entry for i, m in enumerate(w.measures) if isinstance(m, EnergyMeasure)}
+    bar, energy_bar = w.one("outputs").called("outputs_bar"), w.one("energy").called("energy_bar")
+    weights = w.one("output_weights")
+    made = Measures(w, "output", measured(w.system, read, entries.values()), (OUTPUTS,))
+    begin: tuple[Step, ...] = (
+        Own(bar),
+        Combine(bar, (weights,)),
+        *(AddEntry(energy_bar, entry, bar, i) for i, entry in entries.items()),
+    )
+    return made.procedure(OUTPUT_PRODUCTS, w.of(*w.state), weights, begin, [bar])
+
+
+def lacking(w: Shared) -> str:
+    """The reason why a model has no second derivatives of outputs; "" if it has them."""
+    if not w.system.model.outputs:
+        return "outputs, and this model has none"
+    accelerated = [
+        o.name
+        for o, m in zip(w.system.model.outputs, w.measures, strict=True)
+        if isinstance(m, DrivingMeasure) or (isinstance(m, RecordMeasure) and "acceleration" in {*m.reads, *m.also(o)})
+    ]
+    if accelerated:
+        return f"outputs that do not depend on accelerations, as {', '.join(accelerated)} of this model does"
+    return ""
+
+
+class Measures(WithLoops):
+    """The steps, for a tree or for loops.
+
+    Parameters
+    ----------
+    w : Shared
+    of : str
+        Beginning of the names of the routines.
+    quantities : list of Quantity
+        In the order of computation.
+    formulas : tuple of Formulas
+        Formulas that read the quantities.
+    """
+
+    def __init__(self, w: Shared, of: str, quantities: list[Quantity], formulas: tuple[Formulas, ...]):
+        steps = [s for q in quantities for s in q.values]
+        coefficients = [s for s in w.coefficients if s in steps]
+        inner = [*w.motions, *coefficients]
+        super().__init__(w, inner, [bar_of(w, f) for f in inner])
+        self.of, self.quantities, self.coefficients = of, quantities, coefficients
+        self.over = (*formulas, *(s for s in steps if isinstance(s, Formulas) and s not in coefficients))
+        measures = {s.sweep for s in steps if isinstance(s, Run)}
+        of_pose = {"rotations", *(("pose", "velocities", "rate_gaps", "gaps") if w.loops else ())}
+        quaternions = any(link.joint.quaternion is not None for link in w.system.links)
+        self.sweeps = [s for s in DIFFERENTIATED_TWICE if s in measures | of_pose and (quaternions or s != "rotations")]
+        self.of_values = [s for s in self.sweeps if s not in ("rate_gaps", "gaps")]
+        self.sums = [w.one(n) for q in quantities for n in q.sums]
+        self.energies = [w.one("energy")] if any(q.energy for q in quantities) else []
+        self.sum_bars = [a.called(f"{a.name}_bar") for a in (*self.sums, *self.energies)]
+        self.zero = [self.gq, self.gu] if w.loops else []
+
+    def procedure(
+        self, name: str, given: tuple[Array, ...], weights: Array, begin: tuple[Step, ...], bars: Iterable[Array] = ()
+    ) -> Procedure:
+        """The function; `begin` sets the adjoints `bars` of results to the weights."""
+        gradient = tuple(self.w.one(f"dg{a.name}") for a in given)
+        self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
+        sums = (*self.sums, *self.energies)
+        checks = (Check(True),) if self.w.formula_pivots and OUTPUTS in self.over else ()
+        return Procedure(
+            name,
+            f"Products of the Hessian of {weights.name} . {weights.name.removesuffix('_weights')} with directions.",
+            (*given, weights),
+            gradient,
+            (
+                *self.w.begin,
+                *(step for a in sums for step in (Own(a), Zero(a))),
+                *self.coefficients,
+                *run(*self.of_values),
+                *self._adjoints(),
+                *self._along(gradient),
+                *checks,
+            ),
+            tuple(a.tangent() for a in given),
+            OTHER_WIDTHS,
+        )
+
+    # -- values ----------------------------------------------------------------------------------------------------
+
+    def _adjoints(self) -> list[Step]:
+        """Adjoints for one vector of weights, with the multipliers of the loops' conditions."""
+        owned = [*self.sum_bars, *self.bars, *self.zero]
+        found: list[Step] = [Own(a) for a in owned]
+        if not self.w.loops:
+            return [*found, self._back("", self.sweeps)]
+        _, rate_gap, gap = self.gaps
+        return [
+            *found,
+            *(Own(a) for a in (self.side, self.along_coordinates)),
+            *(step for a in (rate_gap, gap) for step in (Own(a), Zero(a))),
+            self._back("speeds", self.of_values),
+            *self._single(self.gu, rate_gap),
+            self._back("coordinates", [s for s in self.sweeps if s != "gaps"]),
+            *run("coordinate_forces"),
+            *self._single(self.along_coordinates, gap),
+            self._back("", self.sweeps),
+        ]
+
+    def _back(self, which: str, sweeps: Iterable[str]) -> Perform:
+        chosen = set(sweeps)
+        steps: tuple[Step, ...] = (
+            *(Zero(a) for a in (*self.zero, *self.bars, *self.sum_bars)),
+            *self.begin,
+            Prepare(ADJOINT_VALUES),
+            *(f.adjoint() for f in self.over),
+            *(Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in chosen),
+        )
+        doc = f"Adjoints of the quantities and of the loops' conditions{which and f', up to {which}'}."
+        return performed(f"{self.of}_adjoints_of_{which or 'values'}", doc, steps)
+
+    # -- along directions ------------------------------------------------------------------------------------------
+
+    def _along(self, gradient: tuple[Array, ...]) -> list[Step]:
+        """Tangents of the quantities, of their adjoints and of the multipliers: the change of the gradient."""
+        w, loops = self.w, self.w.loops
+        dgaps = [a.tangent() for a in self.gaps[1:]] if loops else []
+        along = [a.tangent() for a in self.sums]
+        dbars = [a.tangent() for a in (*self.bars, *self.given_bars)]
+        begin: tuple[Step, ...] = w.along if loops else tuple(f.tangents() for f in w.motions)
+        found: list[Step] = [
+            *begin,
+            *(f.tangents() for f in self.coefficients),
+            *(step for a in (*along, *dbars, *dgaps) for step in (Own(a), Zero(a))),
+            performed(
+                f"{self.of}_tangents",
+                "Tangents of the quantities.",
+                (Prepare(ADJOINT_TANGENTS, True), *(Run(along_name(s), True) for s in self.of_values)),
+            ),
+            *map(Zero, gradient),
+            performed(
+                f"{self.of}_tangents_of_adjoints",
+                "Tangents of the adjoints, with the multipliers of the conditions held: the change of the gradient.",
+                (
+                    *(replace(f, lanes=True, twice=True) for f in self.over),
+                    *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
+                ),
+            ),
+        ]
+        if loops:
+            found += self._loops_along(gradient, dgaps)
+        found += [replace(f, lanes=True, twice=True) for f in self.formulas]
+        if loops:
+            found += [
+                *run_along("tangential_gradients"),
+                *(ZeroEntries(a, e) for a, e in zip(gradient[:2], self._dependent(), strict=True) if e),
+            ]
+        return found
+
+    def _solved(self, of: Array, to: Array) -> list[Step]:
+        side = self.side.tangent()
+        return [Combine(side, (), (of,)), Bind(self.right, side), Bind(self.found, to), *MULTIPLIERS]
+
+    def _loops_along(self, gradient: tuple[Array, ...], dgaps: list[Array]) -> list[Step]:
+        side, coordinates = self.side.tangent(), self.along_coordinates.tangent()
+        return [
+            *(Own(a) for a in (side, coordinates)),
+            *self._solved(gradient[1], dgaps[0]),
+            self._added("velocities", "rate_gaps", "velocities", "pose", "rotations"),
+            *run_along("coordinate_forces"),
+            *self._solved(coordinates, dgaps[1]),
+            self._added("positions", "gaps", "pose", "rotations"),
+        ]

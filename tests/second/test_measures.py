@@ -1,0 +1,145 @@
+"""Products with the Hessian of weighted outputs and energies: against differences of gradients in 40 digits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from measured import with_outputs
+from prescribed_models import with_prescribed, with_prescribed_at
+from random_elements import with_random_elements
+from random_mechanisms import random_mechanisms
+from random_models import EVERY, RandomState, random_seeds, random_state, random_tree
+from rotor_models import with_rotors, with_rotors_at
+from second_derivatives import EXAMPLES, differences, hessian, kept_as_given, made
+
+import codegen
+from codegen.model import Model
+
+OUTPUTS, ENERGIES = "output_hessian_products", "energy_hessian_products"
+FUNCTIONS = {
+    OUTPUTS: f"output_gradients,{OUTPUTS}",
+    ENERGIES: f"energy_gradients,{ENERGIES}",
+}
+ACCELERATED = ("acceleration", "driving_force")
+
+
+def observed(rng: np.random.Generator, model: Model) -> Model:
+    """A model with outputs of every measure except accelerations."""
+    found = with_outputs(rng, model)
+    return replace(found, outputs=tuple(o for o in found.outputs if o.measure not in ACCELERATED))
+
+
+def tree(seed: int) -> tuple[Model, RandomState]:
+    """A random tree with every ingredient, and a state."""
+    rng = np.random.default_rng([36, seed])
+    model = random_tree(rng, int(rng.integers(2, 5)), EVERY)
+    for more in (with_random_elements, with_prescribed, with_rotors):
+        if rng.random() < 0.6:
+            model = more(rng, model)
+    model = observed(rng, model)
+    return model, random_state(rng, model)
+
+
+def mechanism(seed: int, more: Any = lambda rng, drawn: drawn, **options: Any) -> tuple[Model, RandomState]:
+    """A random mechanism, and a state with quaternions of unit length."""
+    _, drawn = next(random_mechanisms(1, seed, **options))
+    rng = np.random.default_rng([37, seed])
+    model, q, u, p, inputs, t = more(rng, drawn)
+    q = q.copy()
+    for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
+        for place in body.joint.kind.quaternions:
+            q[rows][place] /= np.linalg.norm(q[rows][place])
+    return observed(rng, model), RandomState(q, u, p, inputs, t)
+
+
+def weights_of(model: Model, products: str, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=2 if products == ENERGIES else len(model.outputs))
+
+
+def agree(model: Any, state: Any, products: str, folder: Path, limit: float) -> None:
+    """Check every entry relative to the largest, and the symmetry of entries that can be chosen independently."""
+    gradients = products.replace("hessian_products", "gradients")
+    closed = ",assemble_sensitivities" if model.closure_names else ""
+    solver = made(model, folder, functions=FUNCTIONS[products] + closed)
+    weights = weights_of(model, products)
+    H, reference = hessian(solver, state, weights, products), differences(solver, state, weights, gradients)
+    largest = np.abs(reference).max()
+    assert largest > 0
+    assert np.abs(H - reference).max() < limit * largest
+    apart = True
+    if closed:
+        *_, dq, _ = solver.assemble_sensitivities(*state, dq=np.eye(state.q.size))
+        apart = kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
+    assert np.abs(H - H.T).max() < 1e-13 * largest or not apart
+
+
+@pytest.mark.parametrize("products", [OUTPUTS, ENERGIES])
+@pytest.mark.parametrize("seed", range(4))
+def test_random_trees_agree_with_differences_in_40_digits(seed: int, products: str, tmp_path: Path) -> None:
+    model, state = tree(seed)
+    agree(model, state, products, tmp_path, 1e-12)
+
+
+@pytest.mark.parametrize("products", [OUTPUTS, ENERGIES])
+@pytest.mark.parametrize("scene", ["spatial", "planar"])
+def test_random_mechanisms_agree_with_differences_in_40_digits(scene: str, products: str, tmp_path: Path) -> None:
+    model, state = mechanism(25, scene=scene, bodies=(2, 4), loops=(1, 2))
+    agree(model, state, products, tmp_path, 1e-10)
+
+
+@pytest.mark.parametrize("more", [with_prescribed_at, with_rotors_at])
+def test_prescribed_motion_and_rotors_in_loops_agree(more: Any, tmp_path: Path) -> None:
+    model, state = mechanism(500, scene="spatial", bodies=(3, 4), loops=(1, 2), more=more)
+    agree(model, state, ENERGIES, tmp_path, 1e-10)
+
+
+@pytest.mark.parametrize("name", ["arm", "four_bar"])
+def test_both_targets_agree_in_any_number_of_directions_and_states(name: str, tmp_path: Path) -> None:
+    """With other products in the same package, whose adjoints share memory."""
+    functions = f"accelerations,hessian_products,{OUTPUTS},{ENERGIES}"
+    codegen.generate(EXAMPLES / f"{name}.yaml", tmp_path / "package", functions=functions)
+    in_c, in_numpy = (codegen.load(tmp_path / "package", target=t) for t in ("c", "numpy"))
+    model = codegen.load_model(EXAMPLES / f"{name}.yaml")
+    rng = np.random.default_rng(3)
+    q, u = in_c.assemble(*in_c.initial) if in_c.closure_names else in_c.initial
+    state = RandomState(q, u + 0.3, np.asarray(in_c.parameters), rng.normal(size=len(in_c.input_names)), 0.0)
+    seeds = {n: x for n, x in random_seeds(rng, model, 11).items() if n != "dt"}
+    factors = np.array([1.0, -2.0, 0.0])
+    for products in (OUTPUTS, ENERGIES, "hessian_products"):
+        weights = rng.normal(size=model.nu) if products == "hessian_products" else weights_of(model, products)
+        expected = getattr(in_numpy, products)(*state, weights=weights, **seeds)
+        largest = max(np.abs(x).max(initial=0) for x in expected)
+        for k in (1, 8, 11):
+            found = getattr(in_c, products)(*state, weights=weights, **{n: x[:k] for n, x in seeds.items()})
+            for x, y in zip(found, expected, strict=True):
+                assert np.abs(x - y[:k]).max(initial=0) < 1e-12 * largest
+        states = [np.stack([x] * 3) for x in state[:4]]
+        batch = {n: x[:, None] for n, x in seeds.items()}
+        found = getattr(in_c, products)(*states, state.t, weights=factors[:, None] * weights, **batch)
+        for x, y in zip(found, expected, strict=True):
+            assert np.abs(x - y[:, None] * factors.reshape(3, *[1] * (y.ndim - 1))).max(initial=0) < 1e-12 * largest
+
+
+def test_the_kinetic_energy_has_the_mass_matrix(tmp_path: Path) -> None:
+    solver = made(EXAMPLES / "double_pendulum.yaml", tmp_path, functions=f"{ENERGIES},mass_matrix")
+    q, u = solver.initial
+    H = solver.hessians(q, u, weights=[1.0, 0.0], wrt="u", of="energies")
+    assert np.abs(H - solver.mass_matrix(q)).max() < 1e-14
+    H = solver.hessians(q, u, weights={"potential": 2.0}, wrt="u", of="energies")
+    assert not H.any()
+
+
+def test_messages(tmp_path: Path) -> None:
+    solver = made(EXAMPLES / "pendulum.yaml", tmp_path, functions=ENERGIES)
+    with pytest.raises(ValueError, match=r"weights has shape \(3,\), expected \(\.\.\., 2\)"):
+        solver.energy_hessian_products([0.5], [0.0], weights=[1.0, 2.0, 3.0], dq=[1.0])
+    with pytest.raises(ValueError, match="of is 'energy', expected one of accelerations, outputs, energies"):
+        solver.hessians([0.5], [0.0], weights=[1.0, 2.0], of="energy")
+    with pytest.raises(AttributeError, match="generated without output_hessian_products: add it to --functions"):
+        solver.output_hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0])
+    with pytest.raises(ValueError, match="outputs that do not depend on accelerations, as ahead, climb of this model"):
+        codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path / "x", functions=OUTPUTS)
