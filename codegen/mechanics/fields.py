@@ -162,14 +162,14 @@ gain = ScalarField(
     "G{}.{}",
     "1",
     OWN,
-    "inertia divided by that along the degree of freedom (Eq. 46), by degree of freedom and component; after six, of partners",
+    "inertia over that along the degree of freedom (Eq. 46), by degree of freedom and component; after the sixth, of partners",
 )
 
 driving_gain = ScalarField(
     "drive.{}",
     "[kg m^2, kg m] or [kg m, kg]",
     OWN,
-    "inertia along a prescribed coordinate, by component of the acceleration; after six, of partners",
+    "inertia along a prescribed coordinate, by component of the acceleration; after the sixth, of partners",
 )
 driving_rest = ScalarField(
     "drive", "N m or N", "", "force that a prescribed coordinate requires with the explicit accelerations at zero"

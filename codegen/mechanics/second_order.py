@@ -352,7 +352,7 @@ def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, 
             inner = {j: x.component(constants, f"{name}/{j}") for j in range(kind.parameters)}
             if "/" in name:
                 transparent[symbol] = {x.symbol(parameter, j): d for j, d in inner.items() if d is not algebra.ZERO}
-            else:  # one tangent of a constant takes fewer operations than one for every parameter and every value
+            else:  # fewer operations than a tangent for each parameter and each value
                 roots[symbol] = x.let(
                     f"d_{name}", algebra.add(*(d * x.entry(dp, j) for j, d in inner.items())), "d", True
                 )

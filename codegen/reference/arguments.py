@@ -82,7 +82,9 @@ class Arguments(ABC):
         self.split = partition.split(model)
         closed = sorted({loop for ear in partition.ears for loop in ear.loops})
         if closed != list(range(len(model.loops))):
-            raise ValueError(f"partition: its ears close the loops {closed} of {len(model.loops)}")
+            raise ValueError(
+                f"partition: its ears close the loops {closed}, expected all {len(model.loops)} loops of the model"
+            )
         if sorted([*self.dependent, *partition.independent]) != list(range(model.nu)):
             raise ValueError("partition: every speed must be either independent or dependent in one ear")
         self.lengths = partition.lengths

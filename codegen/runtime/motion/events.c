@@ -82,7 +82,7 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
     return 0;
 }
 
-/* Whether a switching function has an extremum at zero at one of n places, if derivatives are needed. */
+/* Whether a switching function has an extremum at zero at one of n places; not tested without derivatives. */
 static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
 {
     const int k = e - m->problem->nevents;

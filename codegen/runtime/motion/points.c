@@ -30,7 +30,7 @@ static const scalar BENT = 0.2;
 /* Distance of a stage from the point, relative to the step, below which it is at the point. */
 static const scalar HIT = 1e-12;
 
-/* Rates are equal if their relative difference is below SAME, or the effect of this difference on the integrated state below ROUNDING. */
+/* Rates are equal if their relative difference is below SAME, or if its effect on the integrated state is below ROUNDING. */
 static const scalar SAME = 2e-5, ROUNDING = 1e-9;
 
 /* Distances from the point, relative to DISTANCE. A rate counts as continuous if, at a tenth of the distance, its changes decrease at least
