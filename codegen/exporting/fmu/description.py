@@ -15,7 +15,7 @@ TOOL = f"ordernm {__version__}"
 CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError")
 """Categories of log messages that an FMU sends."""
 
-ANGLE = re.compile(r"(/?)\brad\b(?:\^(-?\d+))?")
+ANGLE = re.compile(r"(/?)\brad\b(?:(?:\^|\*\*)(-?\d+))?")
 
 
 class Contents:
@@ -101,13 +101,26 @@ def _known(of: Contents, number_of: int, shift: int) -> dict[str, str]:
     return found | {"dependenciesKind": " ".join(["constant"] * len(numbers))} if constant else found
 
 
-def _values(x: Variable) -> dict[str, str]:
-    """The attributes of a number: start value, unit and bounds."""
+def _entry(number_of: int, x: Variable) -> dict[str, str]:
+    """The attributes of a variable: what it is."""
+    found = {"name": x.name, "valueReference": str(number_of), "causality": x.causality}
+    found["variability"] = "tunable" if x.kind == "parameter" else "continuous"
+    return found | ({"initial": x.initial} if x.initial is not None and x.kind != "input" else {})
+
+
+def _words(x: Variable) -> dict[str, str]:
+    return {"description": x.description} if x.description else {}
+
+
+def _values(x: Variable, shift: int) -> dict[str, str]:
+    """The attributes of a number: unit, bounds, start value, and the place of its state."""
     found = {"unit": x.unit} if x.unit else {}
     for word, bound in zip(("min", "max"), x.bounds, strict=True):
         if bound is not None:
             found[word] = number(bound)
-    return found | ({"start": number(x.start)} if x.start is not None else {})
+    if x.start is not None:
+        found["start"] = number(x.start)
+    return found | ({"derivative": str(x.state + shift)} if x.state is not None else {})
 
 
 def description_3(of: Contents) -> str:
@@ -123,12 +136,7 @@ def description_3(of: Contents) -> str:
     _add_experiment(root, of)
     listed = SubElement(root, "ModelVariables")
     for n, x in enumerate(of.variables):
-        entry = {"name": x.name, "valueReference": str(n), "causality": x.causality}
-        entry["variability"] = "tunable" if x.kind == "parameter" else "continuous"
-        if x.initial is not None and x.kind != "input":
-            entry["initial"] = x.initial
-        entry |= _values(x) | ({"derivative": str(x.state)} if x.state is not None else {})
-        SubElement(listed, "Float64", entry | ({"description": x.description} if x.description else {}))
+        SubElement(listed, "Float64", _entry(n, x) | _values(x, 0) | _words(x))
     structure = SubElement(root, "ModelStructure")
     for n in of.numbers("q", "u", "output"):
         SubElement(structure, "Output", {"valueReference": str(n)} | _known(of, n, 0))
@@ -158,13 +166,7 @@ def description_2(of: Contents) -> str:
     _add_experiment(root, of)
     listed = SubElement(root, "ModelVariables")
     for n, x in enumerate(of.variables):
-        entry = {"name": x.name, "valueReference": str(n), "causality": x.causality}
-        entry["variability"] = "tunable" if x.kind == "parameter" else "continuous"
-        if x.initial is not None and x.kind != "input":
-            entry["initial"] = x.initial
-        entry |= {"description": x.description} if x.description else {}
-        values = _values(x) | ({"derivative": str(x.state + 1)} if x.state is not None else {})
-        SubElement(SubElement(listed, "ScalarVariable", entry), "Real", values)
+        SubElement(SubElement(listed, "ScalarVariable", _entry(n, x) | _words(x)), "Real", _values(x, 1))
     structure = SubElement(root, "ModelStructure")
     outputs, derivatives = of.numbers("q", "u", "output"), of.numbers("rate")
     for word, numbers in (("Outputs", outputs), ("Derivatives", derivatives)):

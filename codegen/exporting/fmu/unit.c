@@ -333,6 +333,13 @@ int unit_get_indicators(unit *x, scalar *values, size_t n)
     return UNIT_OK;
 }
 
+int unit_get_nominals(unit *x, scalar *nominals, size_t n)
+{
+    if (of_states(x, n)) return UNIT_ERROR;
+    for (size_t i = 0; i < n; ++i) nominals[i] = 1.0;
+    return UNIT_OK;
+}
+
 /* ---- Initialisation and events. ---- */
 
 int unit_start(unit *x, scalar t, scalar tolerance, scalar stop)

@@ -1,4 +1,5 @@
-/* One instance of a functional mock-up unit (FMU), the same for both versions of the standard. fmi2.c and fmi3.c translate its calls.
+/* One instance of a functional mock-up unit (FMU), the same for both versions of the standard. fmi2.c and fmi3.c, with
+ * fmi.h, translate its calls.
  *
  * Variables have a value reference: time; all coordinates; all speeds; time derivatives of the independent coordinates and speeds;
  * parameters; inputs; outputs; event indicators, in this order. */
@@ -79,6 +80,7 @@ int unit_set_time(unit *x, scalar t);
 int unit_set_states(unit *x, const scalar *states, size_t n);
 int unit_get_states(unit *x, scalar *states, size_t n);
 int unit_get_rates(unit *x, scalar *rates, size_t n);
+int unit_get_nominals(unit *x, scalar *nominals, size_t n);
 int unit_get_indicators(unit *x, scalar *values, size_t n);
 int unit_events(unit *x, scalar *next);
 int unit_step(unit *x, scalar t, scalar h);

@@ -15,6 +15,7 @@ from fmpy.validation import validate_fmu
 from fmu_units import Unit, model_file, solver_of
 
 import codegen
+from codegen.exporting.fmu.description import _base_unit
 
 FUNCTIONS = "accelerations,sensitivities,gradients,outputs,output_sensitivities,coordinate_rate_sensitivities,simulate"
 MODELS = ("four_bar", "bouncer", "satellite")
@@ -59,6 +60,17 @@ def test_an_fmu_is_valid_and_moves_as_simulate_does(made, name, version):
         rows = [np.flatnonzero(np.abs(found["time"] - t) < 1e-9)[-1] for t in times]
         for column, values in wanted.items():
             assert np.abs(found[column][rows] - values).max() <= bound * (1.0 + np.abs(values).max()), (kind, column)
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("N*m/rad**2", {"kg": "1", "m": "2", "s": "-2", "rad": "-2"}), ("rad^2", {"rad": "2"}),
+        ("kg  m^2", {}), ("mm", {}), ("apples & <pears>", {}), ("m/s", {"m": "1", "s": "-1"}),
+    ],
+)  # fmt: skip
+def test_units_have_the_exponents_of_their_si_units(unit, exponents):
+    assert _base_unit(unit) == exponents
 
 
 @pytest.mark.parametrize("name", MODELS)
