@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.motion.functionals import Functional
+from ..runtime.standalone.motion.functionals import AtEvent, Functional
 from .variables import Variables
 
 KEPT = 8
@@ -59,13 +59,19 @@ class Curvatures:
             raise ValueError(f"hessp: the direction is {v!r}, expected {n} finite numbers")
         if n > WHOLE:
             return self._computed(x, direction[None], which)[:, 0]
-        key = x.tobytes(), tuple(which)
+        together = self._together(which)
+        key = x.tobytes(), together
         if key not in self._known:
-            self._known[key] = self._computed(x, np.eye(n), which)
+            self._known[key] = self._computed(x, np.eye(n), together)
             while len(self._known) > KEPT:
                 self._known.popitem(last=False)
-        found: Array = direction @ self._known[key]
+        found: Array = direction @ self._known[key][[together.index(i) for i in which]]
         return found
+
+    def _together(self, which: Sequence[int]) -> tuple[int, ...]:
+        """Functionals whose Hessians are computed at once, because an optimiser with constraints needs them all at a point."""
+        every = range(len(self._functionals))
+        return tuple(i for i in every if i in which or not isinstance(self._functionals[i], AtEvent))
 
     def _computed(self, x: Array, directions: Array, which: Sequence[int]) -> Array:
         """Products (len(which), r, n) of Hessians with directions (r, n)."""

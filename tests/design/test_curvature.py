@@ -115,6 +115,21 @@ def test_motions_of_hessians_count(solver: Any) -> None:
     assert f.motions == 2
 
 
+def test_objective_and_constraints_share_a_motion(solver: Any) -> None:
+    f = made(solver)
+    there = f.constraint([Final("angle"), Final("spin")], 0.0)
+    v = np.ones(len(f.x0))
+    product, curvatures = f.hessp(f.x0, v), there.curvature(f.x0, v)
+    assert f.motions == 2  # the constraint first looks whether the motion fails
+    alone = made(solver)
+    np.testing.assert_allclose(product, alone.hessp(f.x0, v), rtol=1e-13)
+    other = ordernm.objective(
+        solver, 1.0, [Final("angle"), Final("spin")], {"inputs.push": None}, inputs=(TIMES, np.sin(5 * TIMES), "linear"),
+        integrator="rk4", step=0.02, weights=[0.0, 1.0],
+    )  # fmt: skip
+    np.testing.assert_allclose(curvatures[1], other.hessp(f.x0, v), rtol=1e-13)
+
+
 def test_products_that_do_not_exist_end_a_search_with_a_reason(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     f = made(solver)
     monkeypatch.setattr(f, "hessp", lambda x, v: np.full(len(x), np.nan))
