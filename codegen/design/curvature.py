@@ -76,7 +76,7 @@ class Curvatures:
     def _computed(self, x: Array, directions: Array, which: Sequence[int]) -> Array:
         """Products (len(which), r, n) of Hessians with directions (r, n)."""
         v = self._variables
-        check_initial_state(v)
+        check_initial_state(v, x)
         wanted = [self._functionals[i] for i in which]
         self.motions += 1
         judged = self._solver.judge(
@@ -86,22 +86,41 @@ class Curvatures:
         return found
 
 
-def check_initial_state(variables: Variables) -> None:
+def check_initial_state(variables: Variables, x: Array) -> None:
     """Refuses initial states with second derivatives that dq0 and du0 do not contain.
 
     Raises
     ------
     ValueError
     """
-    solver = variables.solver
-    formulas = "initial_at_rest" in solver._manifest or solver._has("initial_sensitivities")
-    by_parameters = any(place.of == "p" for place in variables._places)
-    by_state = variables._q or variables._u or any(place.of in ("q", "u") for place in variables._places)
-    if formulas and by_parameters and by_state:
+    solver, v = variables.solver, variables
+    by_parameters = [place.at for place in v._places if place.of == "p"]
+    by_state = v._q or v._u or any(place.of in ("q", "u") for place in v._places)
+    if not by_parameters or not by_state:
+        return
+    if "initial_at_rest" in solver._manifest:
         raise ValueError(
-            "hessp: initial values of the model are formulas of parameters, and q, u or variables replace some of them; "
-            "allowed are only the model's initial values, or a model whose initial values are numbers"
+            "hessp: the model's initial state is an equilibrium, and q, u or variables replace some of it; allowed are only "
+            "the model's initial state, or q and u of all independent coordinates and speeds"
         )
+    if not solver._has("initial_sensitivities"):
+        return
+    dp = np.zeros((len(by_parameters), solver.np))
+    for row, at in enumerate(by_parameters):
+        dp[row, at] = 1.0
+    p = v.motion(x, derivatives=False)["p"]
+    for of, slopes in solver._motions.initial_curvature(p, dp).items():
+        names, independent = (
+            (solver.coordinate_names, solver.independent_names) if of == "q"
+            else (solver.speed_names, solver.independent_speed_names)
+        )  # fmt: skip
+        known = {*(v._q if of == "q" else v._u), *(names[place.at] for place in v._places if place.of == of)}
+        for i, name in enumerate(names):
+            if name in independent and name not in known and slopes[:, i].any():
+                raise ValueError(
+                    f"hessp: the initial value of {name} is a nonlinear formula of variables, and q, u or variables replace "
+                    f"other initial values; allowed are linear formulas then. Give {name} in {of}, or make it a variable"
+                )
 
 
-__all__ = ["Curvatures"]
+__all__ = ["Curvatures", "check_initial_state"]

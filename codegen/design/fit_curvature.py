@@ -45,7 +45,7 @@ def check_hessian(experiments: Sequence[Experiment], loss: str) -> None:
             )
         if unknown := [name for name in e.simulation if name not in (*OF_JUDGE, "method")]:
             raise ValueError(f"fit: {unknown[0]} is not allowed with hessian; leave out one of them")
-        check_initial_state(e.variables)
+        check_initial_state(e.variables, e.variables.x0)
 
 
 def full_hessian(experiments: Sequence[Experiment], x: Array) -> Array:
@@ -53,6 +53,7 @@ def full_hessian(experiments: Sequence[Experiment], x: Array) -> Array:
     total = np.zeros((len(x), len(x)))
     for e in experiments:
         v, end = e.variables, float(e.times[-1])
+        check_initial_state(v, x[e.places])
         options = {name: value for name, value in e.simulation.items() if name in OF_JUDGE}
         judged = v.solver.judge(
             (e.start, end if end > e.start else end + 1e-3), LeastSquares(e.times, e.samples, e.sigma),

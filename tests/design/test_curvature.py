@@ -139,6 +139,29 @@ def test_products_that_do_not_exist_end_a_search_with_a_reason(solver: Any, monk
         ordernm.optimize(f, "trust-krylov")
 
 
+def test_formulas_of_initial_values_beside_variables(tmp_path: Path) -> None:
+    """Linear formulas need no second derivatives; others are refused by name."""
+    text = (EXAMPLES / "swing_up.yaml").read_text()
+    (tmp_path / "formulas.yaml").write_text(text + "\ninitial:\n  q: {pole: 0.5*pole_length, cart: sin(bob_mass)}\n")
+    ordernm.generate(tmp_path / "formulas.yaml", tmp_path / "package", functions="motion,hessian_products")
+    solver = ordernm.load(tmp_path / "package")
+
+    def objective(*names: str) -> ordernm.Objective:
+        variables = dict.fromkeys(names, ordernm.Variable(scale=1.0))
+        return ordernm.objective(solver, 1.0, Final("tip_x"), variables, integrator="rk4", step=0.02)
+
+    f, h = objective("pole_length", "u0.cart", "u0.pole"), 1e-3
+    for i, e in enumerate(np.eye(3)):
+        sides = [f.gradient(f.x0 + n * h * e) - f.gradient(f.x0 - n * h * e) for n in (1, 2, 3)]
+        wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h)
+        np.testing.assert_allclose(f.hessp(f.x0, e), wanted, rtol=1e-7, atol=1e-9, err_msg=f.variables.names[i])
+    other = objective("bob_mass", "u0.cart")
+    with pytest.raises(ValueError, match=r"hessp: the initial value of cart is a nonlinear formula .* Give cart in q"):
+        other.hessp(other.x0, [1.0, 0.0])
+    given = objective("bob_mass", "u0.cart", "q0.cart")
+    assert np.isfinite(given.hessp(given.x0, [1.0, 0.0, 0.0])).all()
+
+
 def test_refusals(solver: Any) -> None:
     f = made(solver, (-20.0, 20.0))
     with pytest.raises(ValueError, match=r"'trust-krylov' does not take bounds, and inputs.push"):

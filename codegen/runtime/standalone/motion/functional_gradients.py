@@ -205,12 +205,17 @@ class FunctionalGradients(Simulation):
             )
         if not omitted.any() or not self.package._has("initial_sensitivities"):
             return total
-        functions = self._dual(self._opened)
-        found = functions.along("initial_sensitivities", {"p": Jet(problem.p, (factors @ dp).T)}, {"dp": dp})
-        by_name = dict(zip(functions.functions["initial_sensitivities"].results, found, strict=True))
-        slope = np.concatenate([by_name["dq"].slope, by_name["du"].slope], axis=1)
+        slope = np.concatenate(list(self.initial_curvature(problem.p, dp, factors @ dp).values()), axis=1)
         total += np.einsum("mi,kir->mrk", by_state * omitted, slope)
         return total
+
+    def initial_curvature(self, p: Array, dp: Array, along: Array | None = None) -> dict[str, Array]:
+        """Second derivatives of initial values, formulas of p, by dp (k, np) and `along` (r, np): q (k, nq, r), u (k, nu, r)."""
+        functions = self._dual(self._opened)
+        jet = Jet(p, (dp if along is None else along).T)
+        found = functions.along("initial_sensitivities", {"p": jet}, {"dp": dp})
+        by_name = dict(zip(functions.functions["initial_sensitivities"].results, found, strict=True))
+        return {"q": by_name["dq"].slope, "u": by_name["du"].slope}
 
     def _values(
         self, wanted: list[Functional], events: list[Event], problem: Problem, run: Run, directions: Directions
