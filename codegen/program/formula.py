@@ -57,7 +57,7 @@ class Formula:
 
     @cached_property
     def transposed(self) -> Block:
-        """From the adjoint of a result, compute the contributions to the adjoints of everything it depends on.
+        """From the adjoint of a result, compute the contributions to the adjoints of all values on which the result depends.
 
         A margin that must be positive in the tangent must be positive in the transpose, too.
         """

@@ -39,7 +39,7 @@ def read_files(reader: Reader) -> None:
 
 
 def check_given(reader: Reader) -> None:
-    """Report numbers for submodels that have no such name."""
+    """Report numbers that are given to submodels under names which the submodels do not have."""
     for part in reader.parts:
         if part.frame is None:
             continue
