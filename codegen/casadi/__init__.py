@@ -8,7 +8,7 @@ from ..deferred import deferred
 
 if TYPE_CHECKING:
     from .exporting import ExportedCasadi, export_casadi
-    from .functions import function, ode
+    from .functions import function, ode, step
     from .optimal_control import Collocation, collocation
     from .optimum import NotSolvedError, Optimum
 
@@ -21,11 +21,13 @@ __all__ = [
     "export_casadi",
     "function",
     "ode",
+    "step",
 ]
 
 _PLACES = {
     "collocation": "optimal_control", "Collocation": "optimal_control", "Optimum": "optimum", "NotSolvedError": "optimum",
     "ExportedCasadi": "exporting", "export_casadi": "exporting", "function": "functions", "ode": "functions",
+    "step": "functions",
 }  # fmt: skip
 
 __getattr__ = deferred(__name__, _PLACES)

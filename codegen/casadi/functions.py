@@ -105,6 +105,51 @@ def ode(solver: Solver) -> Any:
     return casadi.Function(name, [y, *more.values()], [casadi.vertcat(u, udot)], ["y", *more], ["ydot"])
 
 
+def step(solver: Solver) -> Any:
+    """Return a step of the classical Runge-Kutta method as a function of CasADi, ``y_next = f(y, p, inputs, t, h)``.
+
+    It is a step of ``solver.simulate(..., method="rk4")`` with constant inputs. The state y is that of `ode`; a
+    quaternion in it is not normalised after the step, as within `simulate`.
+
+    Parameters
+    ----------
+    solver : Solver
+        An open package with accelerations.
+
+    Returns
+    -------
+    casadi.Function
+        Named ``step_MODEL``, with the arguments of `ode` and the step size h, s. Derivatives are exact, and exist to the
+        order of those of `ode`.
+
+    Raises
+    ------
+    BridgeError
+        As for `function`.
+
+    Examples
+    --------
+    >>> import ordernm.casadi
+    >>> f = ordernm.casadi.step(solver)
+    >>> f.name_in(), f.name_out()
+    (['y', 'p', 'h'], ['y_next'])
+    """
+    casadi, rate = imported(), ode(solver)
+    given = {n: casadi.MX.sym(n, rate.size1_in(n)) for n in rate.name_in()}
+    h = casadi.MX.sym("h")
+
+    def at(of: float, slope: Any) -> Any:
+        later = {"y": given["y"] + of * h * slope} | ({"t": given["t"] + of * h} if "t" in given else {})
+        return rate(*(given | later).values())
+
+    first = at(0.0, casadi.MX.zeros(rate.size1_out(0)))
+    second = at(0.5, first)
+    third = at(0.5, second)
+    y = given["y"] + h / 6.0 * (first + 2.0 * second + 2.0 * third + at(1.0, third))
+    name = casadi_name("step", solver._opened.manifest["name"])
+    return casadi.Function(name, [*given.values(), h], [y], [*given, "h"], ["y_next"])
+
+
 def _called(f: Any, state: dict[str, Any]) -> Any:
     return f(*(state[a] for a in f.name_in()))
 
@@ -156,6 +201,7 @@ def one_of(solver: Solver, name: str) -> Bridged:
         raise BridgeError(
             f"name is {name!r}, which is no function for CasADi; allowed are {', '.join(found)}"
             + (f"; did you mean {near[0]!r}?" if near else "")
+            + (f"; {name} is ordernm.casadi.{name}(solver)" if name in ("ode", "step") else "")
         )
     if name not in found:
         raise BridgeError(
@@ -210,4 +256,4 @@ def imported() -> Any:
     return casadi
 
 
-__all__ = ["check_name", "every", "function", "imported", "needs_second", "ode", "one_of"]
+__all__ = ["check_name", "every", "function", "imported", "needs_second", "ode", "one_of", "step"]

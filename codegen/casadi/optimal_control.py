@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -244,25 +245,15 @@ class Collocation:
         >>> problem.solve(hessian="limited-memory", tolerance=1e-6).value < 1.0
         True
         """
-        return self.prepared(
-            hessian=hessian, guess=guess, tolerance=tolerance, most_iterations=most_iterations, options=options
-        )()
+        return self._solved(self._nlp(hessian, tolerance, most_iterations, options or {}), self._given(guess))
 
-    def prepared(
-        self,
-        *,
-        hessian: str = "exact",
-        guess: Optimum | None = None,
-        tolerance: float = 1e-10,
-        most_iterations: int = 1000,
-        options: Named | None = None,
-    ) -> Callable[[], Optimum]:
-        """Return a function that solves the problem. CasADi then derives the derivatives once for all its calls.
+    def prepared(self, **settings: Any) -> Callable[[], Optimum]:
+        """Return a function that solves the problem. CasADi derives the derivatives now, once for all its calls.
 
         Parameters
         ----------
-        hessian, guess, tolerance, most_iterations, options : optional
-            As in `solve`.
+        **settings : dict
+            Keyword arguments of `solve`.
 
         Returns
         -------
@@ -281,6 +272,19 @@ class Collocation:
         >>> callable(problem.prepared(hessian="limited-memory"))
         True
         """
+        guess = self._given(settings.pop("guess", None))
+        every = {n: x.default for n, x in inspect.signature(self.solve).parameters.items() if n != "guess"}
+        unknown = settings.keys() - every.keys()
+        if unknown:
+            raise TypeError(
+                f"{sorted(unknown)[0]!r} is not an argument of solve, which takes guess, {', '.join(every)}"
+            )
+        given = every | settings
+        nlp = self._nlp(given["hessian"], given["tolerance"], given["most_iterations"], given["options"] or {})
+        return lambda: self._solved(nlp, guess)
+
+    def _nlp(self, hessian: str, tolerance: float, most_iterations: int, options: Named) -> Any:
+        """IPOPT with the problem and its derivatives."""
         if hessian not in HESSIANS:
             raise BridgeError(f"hessian is {hessian!r}; allowed are {' and '.join(map(repr, HESSIANS))}")
         if hessian == "exact":
@@ -289,12 +293,10 @@ class Collocation:
                 needs_second(self.solver, "coordinate_rates", "hessian='exact'")
         more = {
             "tol": tolerance, "max_iter": most_iterations, "print_level": 0, "sb": "yes", "hessian_approximation": hessian,
-            **(options or {}),
+            **options,
         }  # fmt: skip
         settings = {"ipopt": more, "print_time": False, "error_on_fail": False}
-        nlp = imported().nlpsol("optimum", "ipopt", self.nlp, settings)
-        given = self._given(guess)
-        return lambda: self._solved(nlp, given)
+        return imported().nlpsol("optimum", "ipopt", self.nlp, settings)
 
     def _given(self, guess: Optimum | None) -> dict[str, Array]:
         """Guess, bounds and parameters of the nonlinear program."""

@@ -358,3 +358,32 @@ def test_a_library_that_is_open_is_not_replaced(tmp_path):
     assert error(f(*at), before) == 0.0 and error(exported(CART_POLE)(*at), before) == 0.0
     del f
     assert error(exported(LONGER)(*at), before) > 0.1
+
+
+def test_a_step_is_that_of_the_integrator(solvers):
+    solver = solvers("cart_pole", FUNCTIONS + ",motion")
+    f, h = codegen.casadi.step(solver), 0.02
+    q, u, push = [0.1, 0.4], [0.2, -0.3], [1.5]
+    run = solver.simulate([0.0, h], q, u, inputs=push, method="rk4", step=h)
+    assert error(f([*q, *u], solver.parameters, push, h), [*run.q[-1], *run.u[-1]]) <= BOUND
+
+
+@pytest.mark.parametrize("name", ["cart_pole", "four_bar", "shaken_pendulum"])
+def test_a_step_has_exact_derivatives(name, solvers):
+    """Loops are closed at each stage; time moves on within the step."""
+    solver = solvers(name, FUNCTIONS + (",assemble_sensitivities" if name == "four_bar" else ""))
+    f, ode, h = codegen.casadi.step(solver), solver.ode(), 0.01
+    y, t, slopes, tangents = ode.initial + 0.1, 0.3, [], []
+    for of in (0.0, 0.5, 0.5, 1.0):
+        at = y + (of * h * slopes[-1] if slopes else 0.0)
+        slopes.append(ode(t + of * h, at))
+        moved = np.eye(len(y)) + (of * h * tangents[-1] if tangents else 0.0)
+        tangents.append(ode.jacobian(t + of * h, at) @ moved)
+    after, J = (x + h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3]) for x, k in ((y, slopes), (np.eye(len(y)), tangents)))
+    given = {"y": y, "p": solver.parameters, "inputs": np.zeros(solver.ninputs), "t": t, "h": h}
+    at, symbols = [given[n] for n in f.name_in()], [casadi.MX.sym(n, f.size1_in(n)) for n in f.name_in()]
+    assert error(f(*at), after) <= BOUND
+    assert error(casadi.Function("J", symbols, [casadi.jacobian(f(*symbols), symbols[0])])(*at), J) <= BOUND
+    second = casadi.hessian(casadi.sum1(f(*symbols)), symbols[0])[0]
+    second = np.array(casadi.densify(casadi.Function("H", symbols, [second])(*at)))
+    assert np.abs(second).max() > 0.0 and error(casadi.DM(second.T), second) <= 1e-10
