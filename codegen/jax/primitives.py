@@ -186,7 +186,7 @@ def _known(tangents: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _each(f: Any, k: int, directed: Sequence[Any]) -> Any:
-    """f for each direction; arrays get the axis of directions in front."""
+    """The results of f for each direction; they get the axis of directions in front."""
     if k == 1:
         return jax.tree.map(lambda a: a[None], f(*(a[0] for a in directed)))
     return jax.vmap(f)(*directed)

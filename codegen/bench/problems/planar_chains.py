@@ -40,7 +40,7 @@ chains."""
 
 
 def planar(n: int, first: float, others: float) -> Evaluation:
-    """A chain whose first joint has one angle and whose other joints have another, rad."""
+    """A chain of n rods; `first` is the angle of its first joint, `others` that of all other joints, rad."""
     k = np.arange(1, n + 1)
     q, u = np.full(n, others), 0.2 * np.cos(k)
     q[0] = first

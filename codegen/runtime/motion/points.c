@@ -9,7 +9,7 @@
 /* A singular function is evaluated at PARTS + 1 places of a step. If the function comes nearer to zero than a fraction of its largest value
  * in the step, its minimum is searched; a minimum below AT_POINT counts as zero. */
 enum { PARTS = 4, GOLDEN = 48 };
-static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* intervals of the search; the latter for a first look, at the cubic through the ends */
+static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* intervals at which a search ends, in general and for a first look at the cubic */
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* Distance from a step, in step lengths, within which zeros matter. A function outside of the step counts as zero below this fraction of

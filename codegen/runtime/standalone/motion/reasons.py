@@ -79,7 +79,7 @@ class Reasons(MotionRun):
         return ""
 
     def _cause(self, problem: Problem, run: Run) -> str:
-        """The reason, apart from the choice of independent coordinates."""
+        """The reason, without advice about the choice of independent coordinates."""
         at = f"at t = {run.counts['t']:.9g} s"
         manifest = run.opened.manifest
         names = self._entries(problem)
