@@ -63,6 +63,8 @@ def overhead(name: str, states: int, rounds: int) -> None:
     in_torch = ordernm.torch.function(solver, "accelerations")
     plain = tuple(map(torch.tensor, (q, u, p)))
     taped = tuple(x.clone().requires_grad_() for x in plain)
+    found = in_torch(*taped)
+    weights = torch.ones_like(found)
     times = least(
         rounds,
         solver=lambda: solver.accelerations(q, u, p, out=out),
@@ -70,7 +72,7 @@ def overhead(name: str, states: int, rounds: int) -> None:
         torch=lambda: in_torch(*plain),
         gradients=lambda: solver.gradients(q, u, p, weights=ones),
         jax_gradient=lambda: jax.block_until_ready(backward(*given)),
-        torch_gradient=lambda: torch.autograd.grad(in_torch(*taped).sum(), taped),
+        torch_gradient=lambda: torch.autograd.grad(found, taped, weights, retain_graph=True),
     )
     print(f"{name}, {states} states, us: " + ", ".join(f"{n} {t:.0f}" for n, t in times.items()))
     base = times["solver"]
