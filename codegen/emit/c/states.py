@@ -175,6 +175,7 @@ def states_context(
     few = short(scalar, (a.size for p in procedures for a in (*p.arguments, *p.seeds, *p.results)))
     return {
         "functions_over_states": [f for f, _ in found],
+        "along_states": ["c/states_along.c.jinja"] if any(p.seeds for p in procedures) else [],
         "short": few,
         "short_rows": short_rows(scalar, few),
         "states_workspace": most_lanes(scalar) * (max([room for _, room in found], default=0) + workspace + 1),
