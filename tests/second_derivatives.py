@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from measured import with_outputs
+from prescribed_models import with_prescribed
+from random_elements import with_random_elements
+from random_mechanisms import random_mechanisms
+from random_models import EVERY, RandomState, random_state, random_tree
+from rotor_models import with_rotors
 
 import codegen
+from codegen.model import Model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FUNCTIONS = "accelerations,gradients,hessian_products"
@@ -75,3 +83,35 @@ def differences(solver: codegen.Solver, state: Any, weights: np.ndarray, gradien
         else:
             found.append(gradients(exact, moved, number(weights)))
     return ((found[0] - found[1]) / (2 * number(STEP))).astype(float)
+
+
+ACCELERATED = ("acceleration", "driving_force")
+
+
+def observed(rng: np.random.Generator, model: Model) -> Model:
+    """A model with outputs of every measure except accelerations."""
+    found = with_outputs(rng, model)
+    return replace(found, outputs=tuple(o for o in found.outputs if o.measure not in ACCELERATED))
+
+
+def observed_tree(seed: int) -> tuple[Model, RandomState]:
+    """A random tree with every ingredient, and a state."""
+    rng = np.random.default_rng([36, seed])
+    model = random_tree(rng, int(rng.integers(2, 5)), EVERY)
+    for more in (with_random_elements, with_prescribed, with_rotors):
+        if rng.random() < 0.6:
+            model = more(rng, model)
+    model = observed(rng, model)
+    return model, random_state(rng, model)
+
+
+def observed_mechanism(seed: int, more: Any = lambda rng, drawn: drawn, **options: Any) -> tuple[Model, RandomState]:
+    """A random mechanism, and a state with quaternions of unit length."""
+    _, drawn = next(random_mechanisms(1, seed, **options))
+    rng = np.random.default_rng([37, seed])
+    model, q, u, p, inputs, t = more(rng, drawn)
+    q = q.copy()
+    for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
+        for place in body.joint.kind.quaternions:
+            q[rows][place] /= np.linalg.norm(q[rows][place])
+    return observed(rng, model), RandomState(q, u, p, inputs, t)

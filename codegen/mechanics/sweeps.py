@@ -216,10 +216,10 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("mass_in", "product M x, inward", balance.mass_inward, INWARD, lanes=True),
     Sweep("found_motion", "accelerations of the forward dynamics, and required forces (Eqs. 19, 24)",
           inverse_dynamics.balance_start, OUTWARD),
-    Sweep("missing_forces", "joint forces that udot requires in addition to those of the model (Eq. 45)",
-          inverse_dynamics.missing_forces, INWARD),
     Sweep("tree_motion", "accelerations of all links at given udot, and required forces (Eqs. 19, 24)", closed.tree_motion,
           OUTWARD),
+    Sweep("missing_forces", "joint forces that udot requires in addition to those of the model (Eq. 45)",
+          inverse_dynamics.missing_forces, INWARD),
     Sweep("clear_wrenches", "forces of loops set to zero", closed.clear_wrenches, OUTWARD),
     Sweep("wrenches", "wrenches of loops on links (Eq. 9)", _nothing, OUTWARD, applies=_never, ear=closed_tree.wrenches,
           units=True),
@@ -319,7 +319,7 @@ def _together() -> list[Sweep]:
 
 DIFFERENTIATED_TWICE = (
     "rotations", "pose", "velocities", "kinetic", "masses", "momenta", "moments", "element_energy", "clear", "loads",
-    "found_motion", "missing_forces", "tree_motion", "clear_wrenches", "wrenches", "tree_forces", "acceleration_gaps",
+    "found_motion", "tree_motion", "missing_forces", "clear_wrenches", "wrenches", "tree_forces", "acceleration_gaps",
     "rate_gaps", "gaps", "coordinate_forces", "tangential_gradients",
 )  # fmt: skip
 """Sweeps of the inverse dynamics, of quantities and of the loops' conditions, in their order; see `second_order`."""

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from measured import with_outputs
-from prescribed_models import with_prescribed, with_prescribed_at
-from random_elements import with_random_elements
-from random_mechanisms import random_mechanisms
-from random_models import EVERY, RandomState, random_seeds, random_state, random_tree
-from rotor_models import with_rotors, with_rotors_at
-from second_derivatives import EXAMPLES, differences, hessian, kept_as_given, made
+from prescribed_models import with_prescribed_at
+from random_models import RandomState, random_seeds
+from rotor_models import with_rotors_at
+from second_derivatives import EXAMPLES, differences, hessian, kept_as_given, made, observed_mechanism, observed_tree
 
 import codegen
 from codegen.model import Model
@@ -24,36 +20,6 @@ FUNCTIONS = {
     OUTPUTS: f"output_gradients,{OUTPUTS}",
     ENERGIES: f"energy_gradients,{ENERGIES}",
 }
-ACCELERATED = ("acceleration", "driving_force")
-
-
-def observed(rng: np.random.Generator, model: Model) -> Model:
-    """A model with outputs of every measure except accelerations."""
-    found = with_outputs(rng, model)
-    return replace(found, outputs=tuple(o for o in found.outputs if o.measure not in ACCELERATED))
-
-
-def tree(seed: int) -> tuple[Model, RandomState]:
-    """A random tree with every ingredient, and a state."""
-    rng = np.random.default_rng([36, seed])
-    model = random_tree(rng, int(rng.integers(2, 5)), EVERY)
-    for more in (with_random_elements, with_prescribed, with_rotors):
-        if rng.random() < 0.6:
-            model = more(rng, model)
-    model = observed(rng, model)
-    return model, random_state(rng, model)
-
-
-def mechanism(seed: int, more: Any = lambda rng, drawn: drawn, **options: Any) -> tuple[Model, RandomState]:
-    """A random mechanism, and a state with quaternions of unit length."""
-    _, drawn = next(random_mechanisms(1, seed, **options))
-    rng = np.random.default_rng([37, seed])
-    model, q, u, p, inputs, t = more(rng, drawn)
-    q = q.copy()
-    for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
-        for place in body.joint.kind.quaternions:
-            q[rows][place] /= np.linalg.norm(q[rows][place])
-    return observed(rng, model), RandomState(q, u, p, inputs, t)
 
 
 def weights_of(model: Model, products: str, seed: int = 0) -> np.ndarray:
@@ -80,20 +46,20 @@ def agree(model: Any, state: Any, products: str, folder: Path, limit: float) -> 
 @pytest.mark.parametrize("products", [OUTPUTS, ENERGIES])
 @pytest.mark.parametrize("seed", range(4))
 def test_random_trees_agree_with_differences_in_40_digits(seed: int, products: str, tmp_path: Path) -> None:
-    model, state = tree(seed)
+    model, state = observed_tree(seed)
     agree(model, state, products, tmp_path, 1e-12)
 
 
 @pytest.mark.parametrize("products", [OUTPUTS, ENERGIES])
 @pytest.mark.parametrize("scene", ["spatial", "planar"])
 def test_random_mechanisms_agree_with_differences_in_40_digits(scene: str, products: str, tmp_path: Path) -> None:
-    model, state = mechanism(25, scene=scene, bodies=(2, 4), loops=(1, 2))
+    model, state = observed_mechanism(25, scene=scene, bodies=(2, 4), loops=(1, 2))
     agree(model, state, products, tmp_path, 1e-10)
 
 
 @pytest.mark.parametrize("more", [with_prescribed_at, with_rotors_at])
 def test_prescribed_motion_and_rotors_in_loops_agree(more: Any, tmp_path: Path) -> None:
-    model, state = mechanism(500, scene="spatial", bodies=(3, 4), loops=(1, 2), more=more)
+    model, state = observed_mechanism(500, scene="spatial", bodies=(3, 4), loops=(1, 2), more=more)
     agree(model, state, ENERGIES, tmp_path, 1e-10)
 
 

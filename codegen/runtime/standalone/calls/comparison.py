@@ -11,7 +11,7 @@ import numpy as np
 from ..arrays import Array, Shape
 from ..errors import SingularJointError, TargetsDifferError
 from .arguments import NO_SEEDS, Seeds
-from .functions import Function
+from .functions import ARGUMENTS, Function
 
 TARGET_TOLERANCE = 1e-9
 """Relative difference allowed between the C and the NumPy module, per direction, in double precision."""
@@ -41,7 +41,7 @@ def compare(
     spread = 0.03 if manifest["closure_names"] else 0.3
     q, p = (np.array(x, float) for x in (manifest["initial"]["q"], manifest["parameters"]))
     for _, f in itertools.product(range(STATES), functions.values()):
-        arrays: dict[str, Any] = {n: rng.normal(size=shapes[n]) for n in ("u", "inputs", "udot", "b")}
+        arrays: dict[str, Any] = {n: rng.normal(size=shapes[n]) for n in ARGUMENTS if n not in ("q", "p")}
         arrays |= {"q": q + spread * rng.normal(size=q.shape), "p": p, "t": 0.7}
         seeds = {f"d{n}": rng.normal(size=(DIRECTIONS, *(shapes[n] or (1,)))) for n in arrays}
         with np.errstate(all="ignore"):
