@@ -19,8 +19,8 @@ PART = 1e-3
 """A variable belongs to an undetermined direction if its entry exceeds this fraction of the largest."""
 
 SURE = 100.0
-"""Largest sum of squares per degree of freedom, in units of sigma, for which standard deviations that follow from sigma are
-reported without a warning."""
+"""Sum of squares per degree of freedom, in units of sigma, above which a warning says that standard deviations which follow
+from sigma mean nothing."""
 
 NO_PROGRESS, FEW_MOTIONS = 0.99, 20
 """A search has made no progress if it leaves more than this fraction of the initial cost after more than this number of

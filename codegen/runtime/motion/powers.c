@@ -52,7 +52,7 @@ static int has_power(const ordernm_motion *m, int k)
     return kind == ORDERNM_POWER || kind == ORDERNM_ROOT;
 }
 
-/* Relative tolerance for functions with a common zero, which are proportional for all changes of state and parameters. */
+/* Functions have a common zero if they are proportional for all changes of state and parameters, within this relative tolerance. */
 static const scalar IN_PROPORTION = 1e-9;
 
 /* Whether the step starts at the zero of a root, switch k. */
