@@ -147,6 +147,7 @@ OF_LOOPS = {
     "assembly/assembly",
     "assembly/following",
     "assembly/newton",
+    "assembly/open_states",
     "assembly/starting",
 }
 LATE = {"trajectory/files", "trajectory/html", "trajectory/plot", "trajectory/table", "files/whole_file"}

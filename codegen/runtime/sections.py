@@ -45,7 +45,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 """Sections of `standalone.solver.Solver`, each with the functions or other keys of a manifest that require it."""
 
 PARTS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("assembly.loops", "trust.exact_loops"), ("closure",)),
+    **dict.fromkeys(("assembly.loops", "assembly.open_states", "trust.exact_loops"), ("closure",)),
     "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
     "calls.on_threads": ("over_states",), "display.views": ("display",),

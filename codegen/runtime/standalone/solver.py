@@ -100,6 +100,10 @@ class Solver(Package):
             of_redundancy = Redundancy(self)
             of_redundancy.watch_calls()
             self._watch = of_redundancy.look_at_directions
+        if self.closure_names:
+            from .assembly.open_states import FirstCalls
+
+            FirstCalls(self)
         if "scalar" in self._manifest and "assemble" not in self.__dict__:
             from .trust.single_precision import InDouble
 

@@ -8,14 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Shape, largest
-from ..calls.arguments import placing
+from ..arrays import Array, Numbers, Shape, Times, largest
+from ..calls.arguments import placing, some
 from ..calls.functions import STATE, Wanted
 from ..calls.targets import Opened
+from ..warning import warn
 from .assembly import ROUNDING, Assembly
 from .states import States
 
 POSITION = Wanted("closure", ["position"])
+
+FAR_FROM_NAMED = 1e-3
+"""Change of a dependent coordinate that is given by name, rad or m, above which a warning reports it, if no independent
+coordinate is given."""
 
 
 class Loops(States):
@@ -53,6 +58,31 @@ class Loops(States):
             return False
         gaps = self.package._one_state(POSITION, given)
         return gaps is not None and largest(gaps[0]) <= ROUNDING and not self.assembly.may_be_turned(given[0])
+
+    def assemble(
+        self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, follow: bool | None = None
+    ) -> tuple[Array, Array]:
+        found = super().assemble(q, u, p, inputs, t, follow)
+        if isinstance(q, Mapping):
+            self._look_at_named(q, found[0])
+        return found
+
+    def _look_at_named(self, q: Mapping[str, Any], q_new: Array) -> None:
+        """Warns if a mapping names dependent coordinates alone and assembly has changed them."""
+        given = np.logical_not(self._arguments.omitted("q", q))
+        free = [name in self.independent_names for name in self.coordinate_names]
+        if not any(free) or not given.any() or given[free].any():
+            return
+        typed = np.broadcast_to(self._arguments.take({"q": q}, self._left_out)[0]["q"], q_new.shape)
+        off = np.where(given, np.abs(q_new - typed), 0.0)
+        if off.max() > FAR_FROM_NAMED:
+            worst = np.unravel_index(int(off.argmax()), off.shape)
+            name = self.coordinate_names[worst[-1]]
+            warn(
+                f"assemble: {name} is a dependent coordinate, so {typed[worst]:.4g} is a guess, and it becomes "
+                f"{q_new[worst]:.4g}; the independent coordinates ({some(self.independent_names)}) keep their initial values. "
+                f"Give these, or name {name} under `independent` of the model"
+            )
 
     def assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         q_new = super().assembled(arrays, batch)

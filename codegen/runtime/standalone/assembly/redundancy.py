@@ -16,16 +16,10 @@ from ..calls.single_calls import Call
 from ..calls.targets import Opened
 from ..warning import warn
 from .assembly import allowed_gaps
+from .open_states import CLOSING
 
 OPEN_SEED = 1e-7
 """Increase of the residual per unit of a direction above which the direction opens a redundant condition."""
-
-
-CLOSING = frozenset({
-    "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities", "closure_sensitivities",
-})  # fmt: skip
-"""Functions for which `Redundancy` does not warn: they report residuals themselves, or belong to assembly, which has its own
-warnings."""
 
 
 class WatchedCalls(dict[Any, Call]):

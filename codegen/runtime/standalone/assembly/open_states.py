@@ -1,0 +1,91 @@
+"""Warnings about states that do not close the loops."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..calls.functions import STATE, Function, Wanted
+from ..calls.package import Package
+from ..calls.single_calls import Call
+from ..errors import SingularJointError
+from ..warning import warn
+
+CLOSING = frozenset({
+    "closure", "conditions", "newton_step", "closing_step", "completion", "completion_sensitivities",
+    "completion_sensitivities_transposed", "closure_sensitivities",
+})  # fmt: skip
+"""Functions whose states are not tested: they report residuals themselves, or belong to assembly, which has its own
+warnings."""
+
+FIRST = 100
+"""Number of calls that are tested. Later calls cost nothing."""
+
+OPEN = 1e-3
+"""Residual, in characteristic lengths or rad, above which a loop counts as open. Rounded coordinates and steps of finite
+differences stay below it."""
+
+STAYS = 1e-6
+"""Largest step of Newton's method, rad or m, at which only conditions are open that the dependents cannot meet."""
+
+
+class FirstCalls(dict[Any, Call]):
+    """The first direct calls of a solver. They warn of an open loop if coordinates or parameters are given by name, or
+    coordinates as a list: values that a user has typed, and has not assembled."""
+
+    def __init__(self, package: Package):
+        super().__init__()
+        self.package, self.calls, self.left = weakref.proxy(package), package._calls, FIRST
+        package._calls = self
+
+    def __missing__(self, wanted: str | Wanted) -> Call:
+        name, call = wanted if isinstance(wanted, str) else wanted.name, self.calls[wanted]
+        if name in CLOSING:
+            return call
+        self.left -= 1
+        if self.left <= 0 and self.package._calls is self:
+            self.package._calls = self.calls
+
+        def tested(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
+            state = dict(zip(STATE, given, strict=False))
+            q = state["q"]
+            if q is not None and (not isinstance(q, np.ndarray) or isinstance(state["p"], Mapping)):
+                self._look_at(state)
+            return call(given, seeds, out)
+
+        return tested
+
+    def _look_at(self, state: Mapping[str, Any]) -> None:
+        """Warns if a state does not close the loops."""
+        package = self.package
+        closure, of_newton = (package._functions.get(name) for name in ("closure", "newton_step"))
+        if closure is None or of_newton is None:
+            return
+        dropped = package._opened.manifest.get("dropped", [])
+        gaps = np.delete(np.abs(self._at(closure, state)[0]), dropped, axis=-1)
+        if not (gaps > OPEN).any():
+            return
+        try:
+            if (np.abs(self._at(of_newton, state)[0]) <= STAYS).all():
+                return  # only redundant conditions are open, which assembly reports
+        except SingularJointError:
+            pass  # the loops are open all the same
+        names = np.delete(package.closure_names, dropped)
+        worst = np.unravel_index(int(np.nanargmax(gaps)), gaps.shape)
+        place = f" (state {[int(i) for i in worst[:-1]]} of the batch)" if len(worst) > 1 else ""
+        warn(
+            f"the state does not close the loops{place}: condition {names[worst[-1]]} is open by {gaps[worst]:.2g} rad or "
+            f"characteristic lengths, so the results are not those of the mechanism; call assemble first: "
+            f"q, u = solver.assemble(q, u, p)"
+        )
+
+    def _at(self, f: Function, state: Mapping[str, Any]) -> tuple[Array, ...]:
+        """Results of a function of positions."""
+        known = {**state, "u": np.zeros(self.package.nu)}
+        arrays, batch, _ = self.package._taken(f, [known[name] for name in f.order])
+        found: tuple[Array, ...] = self.package._opened.target.compute(f, arrays, batch)
+        return found
