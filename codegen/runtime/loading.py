@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from .sections import CARRIED, is_carried
 from .solver import Solver
@@ -91,9 +92,10 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
 
 def _warn_of_moved_initial(solver: Solver) -> None:
     """Warns if the initial state differs from the values in the model file, because these do not close the loops."""
-    moved: dict[str, float] = solver._manifest.get("moved_initial", {})
+    manifest: dict[str, Any] = getattr(solver, "_manifest", {})  # older packages have none
+    moved: dict[str, float] = manifest.get("moved_initial", {})
     if moved:
-        q = dict(zip(solver.coordinate_names, solver._manifest["initial"]["q"], strict=True))
+        q = dict(zip(solver.coordinate_names, manifest["initial"]["q"], strict=True))
         changes = [f"{name} from {value:.4g} to {q[name]:.4g}" for name, value in moved.items()]
         warn(
             f"{solver.name}: the loops cannot be closed with the initial values of the model; initial has other ones: "
