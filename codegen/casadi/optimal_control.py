@@ -248,7 +248,7 @@ class Collocation:
         return self._solved(self._nlp(hessian, tolerance, most_iterations, options or {}), self._given(guess))
 
     def prepared(self, **settings: Any) -> Callable[[], Optimum]:
-        """Return a function that solves the problem. CasADi derives the derivatives now, once for all its calls.
+        """Return a function that solves the problem. CasADi forms the derivatives now, once for all calls of it.
 
         Parameters
         ----------

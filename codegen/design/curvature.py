@@ -119,7 +119,7 @@ def check_initial_state(variables: Variables, x: Array) -> None:
             if name in independent and name not in known and slopes[:, i].any():
                 raise ValueError(
                     f"hessp: the initial value of {name} is a nonlinear formula of variables, and q, u or variables replace "
-                    f"other initial values; allowed are linear formulas then. Give {name} in {of}, or make it a variable"
+                    f"other initial values; only linear formulas are allowed then. Give {name} in {of}, or make it a variable"
                 )
 
 

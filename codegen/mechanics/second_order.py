@@ -112,7 +112,7 @@ class SecondOrder:
     given : set of Place
         Adjoints to which formulas over records contribute.
     alone : bool
-        Whether one function only runs the sweeps.
+        Whether only one function runs the sweeps.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class SecondOrder:
         """Whether products of the forward dynamics of a tree are among the functions."""
         self.dropped = () if loops or inverse else (DUDOT_BAR,)
         self.one_of_trees = alone and not loops and (self.forward or inverse)
-        """Whether the model is a tree, one function only runs the sweeps, and no formula contributes: first contributions
+        """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
         self.unread = (DKINETIC, DPOTENTIAL, *(() if loops else (DFORCE,)))
         self.nonzero: set[Place] = {
