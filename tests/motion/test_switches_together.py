@@ -181,3 +181,30 @@ def test_c_reports_switches_of_prescribed_motion(tmp_path: Path) -> None:
     subprocess.run(command, check=True)
     said = subprocess.run([str(tmp_path / "own")], capture_output=True, text=True, check=True).stdout
     assert said == "0 1 0.7\n"
+
+
+PAIR = """
+model: pair
+parameters: {a: 100.0, c: 100.0, f: 2.0}
+bodies:
+  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  x: {type: joint, joint: x, value: "3*sin(9*t) - 20*q.x + f*if(q.x > a and u.x > c, 1, 0)"}
+initial: {u: {x: 0.05}, q: {x: -0.1}}
+outputs: {x: {value: q.x}}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_switches_that_are_nearly_at_one_time(made: Callable[..., Made], integrator: str) -> None:
+    """Where the interpolant took them in the other order, the first one changed its mode without a warning."""
+    solver: Any = made(parsed, PAIR).solver
+    at = solver.simulate([0.0, 0.1, 0.2], rtol=1e-13, atol=1e-13)
+    place, speed = at.q[-1, 0], at.u[-1, 0]
+    for apart in (1.4677992676220676e-12, 2.154434690031878e-12, 3.1622776601683794e-12, 3e-11, 1e-10):
+        for d in (apart, -apart):
+            with pytest.warns(RuntimeWarning, match="change their branches at the same time"):
+                found = solver.judge(
+                    0.5, Final("x"), p={"a": place + d * speed, "c": speed}, wrt=["a", "c", "f"], integrator=integrator
+                ).gradients
+            assert np.isnan(found[0, :2]).all() and np.isfinite(found[0, 2])

@@ -135,11 +135,11 @@ int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
-/* Whether a switching function is zero but for rounding, and its rate. Returns the status of a function. */
-static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scalar *speed, int *at_zero)
+/* Whether a switching function is zero within a fraction of the motion's duration, and its rate. Returns the status of a function. */
+static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scalar fraction, scalar *speed, int *at_zero)
 {
     const int status = ordernm_switch_speed(m, t, z, m->rate[0], k, speed);
-    *at_zero = fabs(m->switches[k]) <= AT_ZERO*(m->problem->end - m->problem->start)*fabs(*speed);
+    *at_zero = fabs(m->switches[k]) <= fraction*(m->problem->end - m->problem->start)*fabs(*speed);
     return status;
 }
 
@@ -150,7 +150,7 @@ static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
     scalar speed;
     int at_zero;
     if (m->modes[k] != 0.0 || m->let_go[k] != 0.0 || m->system->switch_kind[k] > ORDERNM_ROOT) return 0;
-    const int status = is_at_zero(m, t, z, k, &speed, &at_zero);
+    const int status = is_at_zero(m, t, z, k, AT_ZERO, &speed, &at_zero);
     if (!status && at_zero) m->modes[k] = sign_of(speed);
     return status;
 }
@@ -167,7 +167,7 @@ int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *c
             const scalar other = ordernm_other_mode(m, k);
             scalar speed;
             int at_zero = 0;
-            if (crossed && m->system->switch_kind[k] <= ORDERNM_ROOT) status = is_at_zero(m, t, z, k, &speed, &at_zero);
+            if (crossed && m->system->switch_kind[k] <= ORDERNM_ROOT) status = is_at_zero(m, t, z, k, AT_THE_SAME_TIME, &speed, &at_zero);
             if (!at_zero) m->modes[k] = other;
         } else {
             status = leave_zero(m, t, z, k);
