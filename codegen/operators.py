@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .runtime.standalone.state.derivatives import CURVED
+
 STATE = ("q", "u", "p", "inputs", "t")
 
 
@@ -28,6 +30,8 @@ class Derived(NamedTuple):
         The seed that holds these weights.
     curved : str
         The change of that gradient along seeds.
+    curving : str
+        The argument of `curved` that holds the weights.
     takes : tuple of str
         Arguments, in the order of the solver's method.
     """
@@ -37,23 +41,42 @@ class Derived(NamedTuple):
     against: str = ""
     weights: str = ""
     curved: str = ""
+    curving: str = ""
     takes: tuple[str, ...] = STATE
 
 
 FUNCTIONS = {
-    "accelerations": Derived("udot", "sensitivities", "sensitivities_transposed", "dudot", "hessian_products"),
+    "accelerations": Derived(
+        "udot",
+        "sensitivities",
+        "sensitivities_transposed",
+        "dudot",
+    ),
     "coordinate_rates": Derived(
         "qdot", "coordinate_rate_sensitivities", "coordinate_rate_sensitivities_transposed", "dqdot"
     ),
-    "outputs": Derived("outputs", "output_sensitivities", "output_sensitivities_transposed", "doutputs"),
-    "energies": Derived("energy", "energy_sensitivities", "energy_sensitivities_transposed", "denergy"),
+    "outputs": Derived(
+        "outputs",
+        "output_sensitivities",
+        "output_sensitivities_transposed",
+        "doutputs",
+    ),
+    "energies": Derived(
+        "energy",
+        "energy_sensitivities",
+        "energy_sensitivities_transposed",
+        "denergy",
+    ),
     "inverse_dynamics": Derived(
-        "force", "inverse_dynamics_sensitivities", takes=("q", "u", "udot", "p", "inputs", "t")
+        "force",
+        "inverse_dynamics_sensitivities",
+        takes=("q", "u", "udot", "p", "inputs", "t"),
     ),
     "driving_forces": Derived("actuation", "driving_force_sensitivities"),
     "mass_matrix": Derived("M", "mass_matrix_sensitivities", takes=("q", "p", "inputs", "t")),
     "solve_mass": Derived("x", "solve_mass_sensitivities", takes=("q", "b", "p", "inputs", "t")),
 }
+FUNCTIONS |= {n: FUNCTIONS[n]._replace(curved=c.wanted.name, curving=c.weights) for n, c in CURVED.items()}
 """Functions that may be differentiated, by the name of the solver's method."""
 
 

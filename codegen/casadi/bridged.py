@@ -13,10 +13,11 @@ from ..runtime.standalone.calls.arguments import Seeds
 from ..runtime.standalone.calls.functions import STATE, Function, functions_of, shapes_of
 from ..runtime.standalone.calls.numpy_target import NumpyTarget
 from ..runtime.standalone.calls.task import Target
+from ..runtime.standalone.state.derivatives import CURVED
 
 Pattern = NDArray[np.bool_]
 
-SECOND = {"accelerations": "hessian_products"}
+SECOND = {name: c.wanted.name for name, c in CURVED.items()}
 """Functions with second derivatives, and the functions that compute these."""
 
 BRIDGED = {
@@ -115,7 +116,8 @@ def _one(name: str, manifest: Mapping[str, Any], functions: Mapping[str, Functio
     second = functions.get(SECOND.get(name, ""))
     shapes, value = shapes_of(manifest), functions[name]
     closes = CLOSING in functions and name != "closure"
-    used = {*value.arguments, *along.arguments, *(functions[CLOSING].arguments if closes else ())}
+    twice = second.arguments if second is not None else ()
+    used = {*value.arguments, *along.arguments, *twice, *(functions[CLOSING].arguments if closes else ())}
     arguments = tuple(a for a in (*STATE, "udot") if a in used)
     sizes = {a: shapes[a][0] if a != "t" else 1 for a in arguments}
     places = _independent(manifest) if closes else {}
@@ -202,9 +204,9 @@ def _states(manifest: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """States for the patterns: the initial pose with two sets of speeds and inputs. Other poses of closed loops would
     have to be assembled first."""
     draw = np.random.default_rng(SEED)
-    shapes = shapes_of(manifest)
+    shapes, weights = shapes_of(manifest), [c.weights for c in CURVED.values()]
     for _ in range(2):
-        state: dict[str, Any] = {n: draw.uniform(0.5, 1.5, shapes[n]) for n in ("u", "inputs", "udot", "b")}
+        state: dict[str, Any] = {n: draw.uniform(0.5, 1.5, shapes[n]) for n in ("u", "inputs", "udot", *weights)}
         yield {
             **state,
             "q": np.array(manifest["initial"]["q"], float),

@@ -184,10 +184,15 @@ def _generated(model: Model, names: Sequence[str], package: Path, progress: Prog
     needed = [x for n in names for x in (n, *BRIDGED[n]) if x]
     second = [SECOND[n] for n in names if n in SECOND]
     options: dict[str, Any] = {"target": "c", "compile": False, "progress": progress}
-    try:
-        generate(model, package, functions=[*needed, *second], **options)
-    except UnknownFunctionError:
-        generate(model, package, functions=needed, **options)
+    while True:
+        try:
+            generate(model, package, functions=[*needed, *second], **options)
+            return
+        except UnknownFunctionError as error:
+            lacking = [n for n in second if repr(n) in str(error)]
+            if not lacking:
+                raise
+            second = [n for n in second if n not in lacking]
 
 
 def _shown(f: Bridged) -> str:

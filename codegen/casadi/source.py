@@ -10,6 +10,7 @@ import numpy as np
 from ..emit.templates import render
 from ..runtime.standalone.assembly.partitions import scale_of
 from ..runtime.standalone.calls.functions import Function, functions_of, shapes_of
+from ..runtime.standalone.state.derivatives import CURVED
 from ..version import __version__
 from .bridged import CLOSING, Bridged, Pattern
 
@@ -89,7 +90,7 @@ def _transposes(f: Bridged, name: str, model: str) -> list[str]:
             "{", "    (void)y;", f"    return {call};", "}",
         ]  # fmt: skip
     if f.second:
-        call = _call(f"{model}_{f.second.name}_8", f, f.second, {"b": "weights"})
+        call = _call(f"{model}_{f.second.name}_8", f, f.second, {CURVED[f.name].weights: "weights"})
         lines += [
             f"static int products_{name}(ordernm_given x, const double *weights, ordernm_given dx, ordernm_found g, "
             "double *work)",

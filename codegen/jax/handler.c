@@ -10,7 +10,7 @@
 
 #include "xla/ffi/api/c_api.h"
 
-enum { MOST_PLANS = 4096, MOST_ARRAYS = 40, MOST_SLOTS = 48, MOST_PLACES = 12, CHUNKS = 4 /* per thread */, EVEN = 8, CHECKED = 1 };
+enum { MOST_PLANS = 4096, MOST_ARRAYS = 40, MOST_SLOTS = 48, MOST_PLACES = 16, CHUNKS = 4 /* per thread */, EVEN = 8, CHECKED = 1 };
 
 /* The struct NAME_states of a package; the workspace follows the last array. */
 typedef struct {

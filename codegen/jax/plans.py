@@ -30,7 +30,7 @@ typedef struct {
     void *call, *over, *states;
     long item, operands, results, arrays, slots, workspace, lanes, workspace_of_states;
     long work_slot, lanes_slot, steps_slot, results_slot, checked, nan, quaternions;
-    place operand[12], result[12];
+    place operand[16], result[16];
     void *blank[48];
     const long *quaternion;
     const char *const *names;

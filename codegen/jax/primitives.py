@@ -51,7 +51,7 @@ def _rest(of: Operator, kind: str, seeds: Sequence[str]) -> list[tuple[str, bool
     along = [(f"d{n}", True) for n in seeds]
     if kind == "crossed":
         return [(f"d{n}", False) for n in seeds]
-    weights = {"against": [(of.derived.weights, True)], "curved": [("b", False)]}
+    weights = {"against": [(of.derived.weights, True)], "curved": [(of.derived.curving, False)]}
     return weights.get(kind, []) + along
 
 
@@ -203,7 +203,7 @@ def _jvp(kind: str, primals: Sequence[Any], tangents: Sequence[Any], *, of: Oper
     dx, moved = _known(dict(zip(of.names, tangents[:n], strict=True))), list(tangents[n:])
     if kind in ("curved", "crossed") and dx:
         raise NotImplementedError(of.no_third())
-    names = ["b", *seeds] if kind == "curved" else list(seeds)
+    names = [of.derived.curving, *seeds] if kind == "curved" else list(seeds)
     changes: list[list[Any]] = []
     if kind == "value":
         changes += [[along(of, x, {m: t[None] for m, t in dx.items()})[0]]] if dx else []

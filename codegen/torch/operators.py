@@ -17,6 +17,7 @@ from torch import Tensor
 
 from ..operators import Operator
 from ..runtime.standalone.calls.functions import Wanted
+from ..runtime.standalone.state.derivatives import CURVED
 
 ARGUMENTS = 6
 EVERY = 2**ARGUMENTS - 1
@@ -184,9 +185,10 @@ def _curved(*given: Any) -> tuple[Tensor, ...]:
     turned = _seeds(of, lead(of, x), seeds)
     if all(s is None for s in turned):
         return _gradients(x, [None] * ARGUMENTS)
-    named = dict(zip(("dq", "du", "dp", "dinputs", "dt"), turned, strict=False))
-    found = of.runs.hessian_products(*_given(of, x), weights=_array(weights), **named)
-    return _gradients(x, [*found, None])
+    wanted = CURVED[of.name].wanted
+    found = of.runs._call(wanted, (*_given(of, x), _array(weights)), turned)
+    by = dict(zip(wanted.returned, found, strict=True))
+    return _gradients(x, [by.get(f"dg{n}") for n in of.six])
 
 
 def _value_fake(*given: Any) -> Tensor:

@@ -26,6 +26,11 @@ EVERY = [
     "output_gradients", "energies", "energy_sensitivities", "energy_gradients", "inverse_dynamics",
     "inverse_dynamics_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
 ]  # fmt: skip
+MEASURES = [
+    "outputs", "output_sensitivities", "output_gradients", "output_hessian_products", "energies", "energy_sensitivities",
+    "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
+    "inverse_dynamics_hessian_products",
+]  # fmt: skip
 RAISED = (jax.errors.JaxRuntimeError, ValueError)
 """Errors of XLA: the second one where JAX waits for the program."""
 CLOSE = {"atol": 1e-8, "rtol": 1e-8}
@@ -37,7 +42,9 @@ def example(name: str, folder: Path, functions: list[str], **options: Any) -> co
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    return example("double_pendulum", tmp_path_factory.mktemp("jax") / "double", [*SECOND, "coordinate_rates"])
+    return example(
+        "double_pendulum", tmp_path_factory.mktemp("jax") / "double", [*SECOND, *MEASURES, "coordinate_rates"]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +91,26 @@ def test_hessians_are_those_of_the_solver(pendulum: codegen.Solver, order: tuple
     found = jax.jit(outer(inner(whole)))(np.concatenate([q, u, p]))
     expected = pendulum.hessians(q, u, p, weights=weights)
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["outputs", "energies", "inverse_dynamics"])
+def test_other_functions_have_second_derivatives(pendulum: codegen.Solver, name: str) -> None:
+    f = codegen.jax.function(pendulum, name)
+    q, u, p, *_ = states(pendulum)
+    weights = np.cos(np.arange(f(q, u, *[u] * (name == "inverse_dynamics")).size))
+
+    def whole(x: Any) -> Any:
+        return f(x[:2], x[2:4], *[x[10:]] * (name == "inverse_dynamics"), p=x[4:10]) @ weights
+
+    x = np.concatenate([q, u, p, *[0.3 * u] * (name == "inverse_dynamics")])
+    found = jax.hessian(whole)(x)
+    np.testing.assert_allclose(found, jax.jacrev(jax.jacrev(whole))(x), rtol=1e-12, atol=1e-12)
+    if name == "inverse_dynamics":
+        wanted = pendulum.inverse_dynamics_hessian_products(q, u, 0.3 * u, p, weights=weights, dq=np.eye(2)).q
+        np.testing.assert_allclose(found[:2, :2], wanted, rtol=1e-12, atol=1e-12)
+    else:
+        wanted = pendulum.hessians(q, u, p, weights=weights, of=name)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_large_batches_go_to_lanes_and_threads(pendulum: codegen.Solver) -> None:
@@ -241,7 +268,7 @@ def test_wrong_arguments_raise_while_tracing(pendulum: codegen.Solver) -> None:
         (lambda: f(q, u, speed=1.0), TypeError, "speed is not an argument"),
         (lambda: f("q", u), TypeError, "q is 'q', expected numbers"),
         (lambda: codegen.jax.function(pendulum, "acelerations"), ValueError, "did you mean 'accelerations'"),
-        (lambda: codegen.jax.function(pendulum, "energies"), AttributeError, "generated without energies"),
+        (lambda: codegen.jax.function(pendulum, "mass_matrix"), AttributeError, "generated without mass_matrix"),
         (lambda: codegen.jax.function("pendulum", "energies"), TypeError, "expected a solver"),
     ]
     for call, error, message in cases:
@@ -251,8 +278,10 @@ def test_wrong_arguments_raise_while_tracing(pendulum: codegen.Solver) -> None:
 
 def test_derivatives_that_do_not_exist_raise(satellite: codegen.Solver, pendulum: codegen.Solver) -> None:
     q, u, *_ = states(satellite)
-    energies = codegen.jax.function(satellite, "energies")
-    with pytest.raises(NotImplementedError, match="energies of satellite: no second derivatives"):
+    rates, energies = (codegen.jax.function(satellite, n) for n in ("coordinate_rates", "energies"))
+    with pytest.raises(NotImplementedError, match="coordinate_rates of satellite: no second derivatives"):
+        jax.hessian(lambda u: rates(q, u)[0])(u)
+    with pytest.raises(NotImplementedError, match=r"second derivatives of energies: .*energy_hessian_products"):
         jax.hessian(lambda u: energies(q, u)[0])(u)
     f = codegen.jax.function(pendulum, "accelerations")
     with pytest.raises(NotImplementedError, match="third derivatives do not exist"):

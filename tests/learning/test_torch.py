@@ -23,6 +23,11 @@ EVERY = [
     "output_gradients", "energies", "energy_sensitivities", "energy_gradients", "inverse_dynamics",
     "inverse_dynamics_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
 ]  # fmt: skip
+MEASURES = [
+    "outputs", "output_sensitivities", "output_gradients", "output_hessian_products", "energies", "energy_sensitivities",
+    "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
+    "inverse_dynamics_hessian_products",
+]  # fmt: skip
 CLOSE = {"eps": 2e-6, "atol": 1e-8, "rtol": 1e-8}
 
 
@@ -32,7 +37,7 @@ def example(name: str, folder: Path, functions: list[str], **options: Any) -> co
 
 @pytest.fixture(scope="module")
 def pendulum(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    return example("double_pendulum", tmp_path_factory.mktemp("torch") / "double", SECOND)
+    return example("double_pendulum", tmp_path_factory.mktemp("torch") / "double", [*SECOND, *MEASURES])
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +85,21 @@ def test_transformations_of_functions(pendulum: codegen.Solver) -> None:
         np.testing.assert_allclose(func.vmap(hessian)(q, u), curvature, rtol=1e-10, atol=1e-10)
     backwards = func.jacrev(func.jacfwd(lambda q: f(q, u[0], p)[1]))
     np.testing.assert_allclose(backwards(q[0]), curvature[0], rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["outputs", "energies", "inverse_dynamics"])
+def test_other_functions_have_second_derivatives(pendulum: codegen.Solver, name: str) -> None:
+    f = codegen.torch.function(pendulum, name)
+    q, u, p, _ = (x.detach() for x in states(pendulum))
+    udot = [0.3 * u] * (name == "inverse_dynamics")
+    weights = torch.cos(torch.arange(f(q, u, *udot, p=p).numel()).double())
+    found = func.hessian(lambda q: f(q, u, *udot, p=p) @ weights)(q)
+    if udot:
+        of = pendulum.inverse_dynamics_hessian_products
+        wanted = of(*numbers(q, u, *udot, p), weights=weights.numpy(), dq=np.eye(2)).q
+    else:
+        wanted = pendulum.hessians(*numbers(q, u, p), weights=weights.numpy(), wrt="q", of=name)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
 
 
 def test_compiled_programs_keep_the_operators(pendulum: codegen.Solver) -> None:
@@ -163,10 +183,10 @@ def test_wrong_arguments_raise(pendulum: codegen.Solver, satellite: codegen.Solv
     q, u, p, _ = states(pendulum, 3)
     bad = q.detach().clone()
     bad[1, 0] = np.nan
-    energies = codegen.torch.function(satellite, "energies")
+    rates = codegen.torch.function(satellite, "coordinate_rates")
     a, b, *_ = states(satellite)
-    with pytest.raises(NotImplementedError, match="energies of satellite: no second derivatives"):
-        func.hessian(lambda b: energies(a.detach(), b)[0])(b.detach())
+    with pytest.raises(NotImplementedError, match="coordinate_rates of satellite: no second derivatives"):
+        func.hessian(lambda b: rates(a.detach(), b)[0])(b.detach())
 
     def third(x: Any) -> Any:
         return f(x * torch.ones(2).double(), torch.ones(2).double())[0]
@@ -183,7 +203,7 @@ def test_wrong_arguments_raise(pendulum: codegen.Solver, satellite: codegen.Solv
         (lambda: f(q.to("meta"), u), ValueError, "solvers compute on the CPU"),
         (lambda: f(bad, u, p), ValueError, "q"),
         (lambda: codegen.torch.function(pendulum, "acelerations"), ValueError, "did you mean 'accelerations'"),
-        (lambda: codegen.torch.function(pendulum, "energies"), AttributeError, "generated without energies"),
+        (lambda: codegen.torch.function(pendulum, "mass_matrix"), AttributeError, "generated without mass_matrix"),
         (
             lambda: func.grad(func.grad(func.grad(third)))(torch.tensor(0.3).double()),
             NotImplementedError,

@@ -387,3 +387,20 @@ def test_a_step_has_exact_derivatives(name, solvers):
     second = casadi.hessian(casadi.sum1(f(*symbols)), symbols[0])[0]
     second = np.array(casadi.densify(casadi.Function("H", symbols, [second])(*at)))
     assert np.abs(second).max() > 0.0 and error(casadi.DM(second.T), second) <= 1e-10
+
+
+@pytest.mark.parametrize("function", ["outputs", "energies"])
+def test_other_functions_have_the_hessians_of_the_solver(function, solvers):
+    word = function.replace("outputs", "output").replace("energies", "energy")
+    solver = solvers("four_bar", f"{function},{word}_sensitivities,{word}_gradients,{word}_hessian_products,assemble")
+    state, given, own = drawn(solver)
+    f = codegen.casadi.function(solver, function)
+    symbols = [casadi.MX.sym(n, f.size1_in(n)) for n in f.name_in()]
+    weights = np.random.default_rng(2).normal(size=f.size1_out(0))
+    H = casadi.hessian(casadi.dot(casadi.DM(weights), f(*symbols)), casadi.vertcat(*symbols))[0]
+    found = casadi.Function("H", symbols, [H])(*(given[n] for n in f.name_in()))
+    sizes = {"q": solver.nq, "u": solver.nu, "p": solver.np, "inputs": solver.ninputs}
+    at = np.cumsum([0, *(sizes[n] for n in f.name_in())])
+    places = [a + i for a, n in zip(at, f.name_in(), strict=False) for i in own[n]]
+    wanted = solver.hessians(*state, weights=weights, of=function, wrt=f.name_in())
+    assert error(found, wanted[np.ix_(places, places)]) <= BOUND
