@@ -319,7 +319,7 @@ int unit_get_rates(unit *x, scalar *rates, size_t n)
     for (int i = 0; i < x->nfu; ++i) rates[x->nfq + i] = x->udot[s->free_u[i]];
     for (size_t i = 0; i < n; ++i)
         if (!isfinite(rates[i]))
-            return unit_say(x, UNIT_ERROR, "at t = %.9g s %s is not finite", *x->t, unit_name(x, 1 + (unsigned)(x->nq + x->nu + (int)i)));
+            return unit_say(x, unit_trial(x), "at t = %.9g s %s is not finite", *x->t, unit_name(x, 1 + (unsigned)(x->nq + x->nu + (int)i)));
     return UNIT_OK;
 }
 

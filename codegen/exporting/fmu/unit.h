@@ -69,6 +69,7 @@ unit *unit_new(int integrates, const char *instance, void (*log)(unit *x, int st
 void unit_free(unit *x);
 void unit_reset(unit *x);
 int unit_say(unit *x, int status, const char *format, ...);
+static inline int unit_trial(const unit *x) { return *x->mode == CONTINUOUS_TIME ? UNIT_DISCARD : UNIT_ERROR; }
 int unit_of(const unit *x, unsigned variable, int *index);
 const char *unit_name(const unit *x, unsigned variable);
 int unit_in(unit *x, const char *call, unsigned modes);

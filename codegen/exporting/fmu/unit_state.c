@@ -12,13 +12,14 @@ enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
 static const char OPEN[] = "the loops cannot be closed: Newton's method does not converge. The mechanism may be at the end of its reach, or "
                            "at a configuration where its dependent coordinates are not determined";
 
-/* Logs why a function of the system failed. */
+/* Logs why a function of the system failed. In Continuous-Time Mode the importer may try a state nearer to the last one. */
 int unit_failed(unit *x, int status)
 {
-    if (status < 0) return unit_say(x, UNIT_ERROR, "at t = %.9g s %s", *x->t, OPEN);
+    const int found = unit_trial(x);
+    if (status < 0) return unit_say(x, found, "at t = %.9g s %s", *x->t, OPEN);
     int known = 0;
     while (x->model->singular[known]) ++known;
-    return unit_say(x, UNIT_ERROR, "at t = %.9g s %s is singular: a joint without inertia, a loop that has lost rank, or a force without "
+    return unit_say(x, found, "at t = %.9g s %s is singular: a joint without inertia, a loop that has lost rank, or a force without "
                     "direction", *x->t, status >= 1 && status <= known ? x->model->singular[status - 1] : "the model");
 }
 

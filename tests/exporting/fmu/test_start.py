@@ -1,5 +1,7 @@
 """Initialisation of FMUs: initial values that follow parameters, their derivatives, tolerance and stop time."""
 
+from ctypes import c_double
+
 import numpy as np
 import pytest
 
@@ -122,4 +124,29 @@ def test_an_equilibrium_that_does_not_follow_parameters_is_a_warning(version, tm
     unit.messages.clear()
     unit.started(k=30.0, **{"q.rod": 0.4})
     assert "equilibrium" not in said(unit, capfd)
+    of.freeInstance()
+
+
+@VERSIONS
+def test_an_integrator_may_try_states_that_cannot_be_reached(made, version):
+    """Their status is "discard", and the unit goes on from the last state."""
+    unit = made[0](version)
+    of = unit.started()
+    (of.newDiscreteStates if version == "2.0" else of.updateDiscreteStates)()
+    of.enterContinuousTimeMode()
+    names = list(unit.exported.variables)
+    before, states = unit.get(of, names), (c_double * 2)()
+    of.getContinuousStates(states, 2)
+    of.setContinuousStates((c_double * 2)(2.0, 1.0), 2)
+    rates = of.getDerivatives if version == "2.0" else of.getContinuousStateDerivatives
+    with pytest.raises(FMICallException) as found:
+        rates((c_double * 2)(), 2)
+    assert found.value.status == 2
+    of.setContinuousStates(states, 2)
+    assert unit.get(of, names) == pytest.approx(before, rel=1e-12, abs=1e-12)
+    of.enterEventMode()
+    unit.set(of, {"rocker_length": 0.1})
+    with pytest.raises(FMICallException) as found:
+        unit.get(of, names)
+    assert found.value.status == 3
     of.freeInstance()
