@@ -218,13 +218,15 @@ int unit_in(unit *x, const char *call, unsigned modes)
     return unit_say(x, UNIT_ERROR, "%s must not be called in the state %s", call, names[mode]);
 }
 
-/* A function that changes its sign at an event. The mode of an angle is held up to half a turn. */
-static scalar indicator(unit *x, int i)
+/* A function that changes its sign at an event, and its derivative by the switching function. The mode of an angle is held up to half a
+ * turn. */
+scalar unit_indicator(const unit *x, int i, scalar *slope)
 {
     const int k = x->model->indicators[i];
-    if (x->system->switch_kind[k] != ORDERNM_TURN) return x->switches[k];
-    x->motion->switches[k] = x->switches[k];
-    return ordernm_side(x->motion, k);
+    const scalar g = x->switches[k];
+    const int is_angle = x->system->switch_kind[k] == ORDERNM_TURN;
+    *slope = is_angle ? -2.0*g : 1.0;
+    return is_angle ? HALF_A_TURN*HALF_A_TURN - g*g : g;
 }
 
 int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
@@ -232,6 +234,7 @@ int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
     const ordernm_system *const s = x->system;
     for (size_t i = 0; i < n; ++i) {
         int k;
+        scalar slope;
         const int kind = unit_of(x, variables[i], &k);
         if (kind == OF_NOTHING) return unit_say(x, UNIT_ERROR, "there is no variable with the value reference %u", variables[i]);
         if (kind != OF_TIME && kind != OF_PARAMETER && kind != OF_INPUT) {
@@ -239,7 +242,7 @@ int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
             if (status) return status;
         }
         values[i] = kind == OF_TIME ? *x->t : kind == OF_Q ? x->q[k] : kind == OF_U ? x->u[k] : kind == OF_PARAMETER ? x->p[k]
-                    : kind == OF_INPUT ? x->inputs[k] : kind == OF_OUTPUT ? x->outputs[k] : kind == OF_SWITCH ? indicator(x, k)
+                    : kind == OF_INPUT ? x->inputs[k] : kind == OF_OUTPUT ? x->outputs[k] : kind == OF_SWITCH ? unit_indicator(x, k, &slope)
                     : k < x->nfq ? x->qdot[s->free_q[k]] : x->udot[s->free_u[k - x->nfq]];
     }
     return UNIT_OK;
@@ -329,7 +332,8 @@ int unit_get_indicators(unit *x, scalar *values, size_t n)
     if (n != wanted) return unit_say(x, UNIT_ERROR, "an array has %zu entries, expected %zu, one for each event indicator", n, wanted);
     const int status = unit_update(x);
     if (status) return status;
-    for (size_t i = 0; i < n; ++i) values[i] = indicator(x, (int)i);
+    scalar slope;
+    for (size_t i = 0; i < n; ++i) values[i] = unit_indicator(x, (int)i, &slope);
     return UNIT_OK;
 }
 
@@ -392,7 +396,7 @@ int unit_events(unit *x, scalar *next)
     if (status) return status;
     continue_inputs(x, *x->t, 1.0);
     x->problem.end = x->problem.start + rounding/AT_ZERO;
-    status = unit_settle(x);
+    status = unit_settle(x, rounding);
     if (status == SLIDES)
         return unit_say(x, UNIT_ERROR, "at t = %.9g s, where %s changes its branch, forces on both sides push the motion back, so that it "
                         "sticks or slides there, which neither branch describes; smooth the change, as by tanh or step(x, from, to)",

@@ -64,6 +64,8 @@ struct unit {
     void *memory[2];
 };
 
+static const scalar HALF_A_TURN = 3.14159265358979323846;
+
 /* unit.c */
 unit *unit_new(int integrates, const char *instance, void (*log)(unit *x, int status, const char *text), void *environment, void *callback);
 void unit_free(unit *x);
@@ -81,6 +83,7 @@ int unit_set_time(unit *x, scalar t);
 int unit_set_states(unit *x, const scalar *states, size_t n);
 int unit_get_states(unit *x, scalar *states, size_t n);
 int unit_get_rates(unit *x, scalar *rates, size_t n);
+scalar unit_indicator(const unit *x, int i, scalar *slope);
 int unit_get_nominals(unit *x, scalar *nominals, size_t n);
 int unit_get_indicators(unit *x, scalar *values, size_t n);
 int unit_events(unit *x, scalar *next);
@@ -95,7 +98,7 @@ int unit_write(unit *x, const void *saved, unsigned char *bytes, size_t n);
 void unit_change(unit *x);
 int unit_update(unit *x);
 void unit_took_step(unit *x);
-int unit_settle(unit *x);
+int unit_settle(unit *x, scalar rounding);
 void unit_arguments(unit *x, ordernm_call *c);
 int unit_failed(unit *x, int status);
 

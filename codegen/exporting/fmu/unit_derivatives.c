@@ -60,17 +60,19 @@ static int differentiate(unit *x, ordernm_call *c, unsigned kinds)
     return 0;
 }
 
-/* The place of an unknown among derivatives, or weights, of rates, outputs, coordinates and speeds. */
-static scalar *unknown_of(const unit *x, unsigned variable)
+/* The place of an unknown among derivatives, or weights, of rates, outputs, coordinates, speeds and switching functions; and the factor of
+ * the derivative at this place. */
+static scalar *unknown_of(const unit *x, unsigned variable, scalar *factor)
 {
     const ordernm_system *const s = x->system;
     int k;
+    *factor = 1.0;
     switch (unit_of(x, variable, &k)) {
     case OF_Q: return x->dfull_q + k;
     case OF_U: return x->dfull_u + k;
     case OF_RATE: return k < x->nfq ? x->dqdot + s->free_q[k] : x->dudot + s->free_u[k - x->nfq];
     case OF_OUTPUT: return x->doutputs + k;
-    default: return x->dswitches + x->model->indicators[k];
+    default: unit_indicator(x, k, factor); return x->dswitches + x->model->indicators[k];
     }
 }
 
@@ -126,7 +128,11 @@ int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsign
     if ((status = seed_initial(x))) return unit_failed(x, status);
     unit_arguments(x, &c);
     if ((status = differentiate(x, &c, kinds))) return unit_failed(x, status);
-    for (size_t i = 0; i < nunknowns; ++i) result[i] = *unknown_of(x, unknowns[i]);
+    for (size_t i = 0; i < nunknowns; ++i) {
+        scalar factor;
+        const scalar *const found = unknown_of(x, unknowns[i], &factor);
+        result[i] = factor*(*found);
+    }
     return UNIT_OK;
 }
 
@@ -195,7 +201,11 @@ int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsi
     scalar *const weights[] = {x->dfull_q, x->dqdot, x->dfull_u, x->dudot, x->doutputs, x->dswitches};
     const int sizes[] = {x->nq, x->nq, x->nu, x->nu, x->ny, x->ns};
     for (int n = 0; n < 6; ++n) memset(weights[n], 0, sizes[n]*sizeof(scalar));
-    for (size_t i = 0; i < nunknowns; ++i) *unknown_of(x, unknowns[i]) += seed[i];
+    for (size_t i = 0; i < nunknowns; ++i) {
+        scalar factor;
+        scalar *const to = unknown_of(x, unknowns[i], &factor);
+        *to += factor*seed[i];
+    }
     clear(x, x->gradient);
     unit_arguments(x, &c);
     if ((status = transpose(x, &c, kinds)) || (status = add_initial(x))) return unit_failed(x, status);

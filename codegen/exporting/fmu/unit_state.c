@@ -175,15 +175,35 @@ int unit_update(unit *x)
     return UNIT_OK;
 }
 
-/* Chooses the modes of the current state; after unit_update. Returns 0, the status of a function, or SLIDES. */
-int unit_settle(unit *x)
+/* An angle at half a turn, up to rounding, that goes on beyond it takes the mode of the other side. Returns the status of a function. */
+static int pass_half_turns(unit *x, scalar rounding)
+{
+    ordernm_motion *const m = x->motion;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        scalar speed;
+        if (x->system->switch_kind[k] != ORDERNM_TURN) continue;
+        int status = ordernm_switching(m, *x->t, m->z);
+        if (!status) status = ordernm_rates_of(m, *x->t, m->z, m->trial, 0, 0, RATES);
+        if (!status) status = ordernm_switch_speed(m, *x->t, m->z, m->trial, k, &speed);
+        if (status) return status;
+        const scalar angle = m->switches[k];
+        if (HALF_A_TURN - fabs(angle) <= rounding*(1.0 + fabs(speed)) && angle*speed > 0.0) m->modes[k] = ordernm_other_mode(m, k);
+    }
+    return 0;
+}
+
+/* Chooses the modes of the current state; after unit_update. Events within `rounding`, s, have occurred. Returns 0, the status of a
+ * function, or SLIDES. */
+int unit_settle(unit *x, scalar rounding)
 {
     ordernm_motion *const m = x->motion;
     ordernm_call c;
     if (!m->nheld) return 0;
     unit_arguments(x, &c);
-    ordernm_find_segment(m, *x->t, 1e-12*(1.0 + fabs(*x->t)));
-    const int status = ordernm_choose_modes(m, *x->t, m->z);
+    ordernm_find_segment(m, *x->t, rounding);
+    int status = ordernm_choose_modes(m, *x->t, m->z);
+    if (!status) status = pass_half_turns(x, rounding);
     if (!status) memcpy(x->modes, m->modes, x->ns*sizeof(scalar));
     unit_change(x);
     return status;

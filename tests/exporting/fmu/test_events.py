@@ -1,6 +1,7 @@
 """Events of Model Exchange at times that are known in advance."""
 
 import itertools
+from ctypes import c_double
 
 import numpy as np
 import pytest
@@ -115,3 +116,50 @@ def test_model_exchange_and_co_simulation_move_as_simulate_does(made, version, t
         rows = [np.flatnonzero(np.abs(found["time"] - t) < 1e-9)[-1] for t in times]
         assert np.abs(found["q.rod"][rows] - motion.q[:, -1]).max() <= bound, kind
         assert np.abs(found["u.rod"][rows] - motion.u[:, -1]).max() <= bound, kind
+
+
+TURNING = """
+model: turning
+parameters: {k: 3.0}
+bodies:
+  wheel: {parent: ground, joint: {type: revolute, axis: z}, mass: 1, inertia: {xx: 1, yy: 1, zz: 1}}
+forces:
+  spring: {type: torsion, from: ground, to: wheel, axis: z, stiffness: k, damping: 0.1}
+initial: {q: {wheel: 1.0}, u: {wheel: 8.0}}
+"""
+
+
+@VERSIONS
+def test_the_indicator_of_a_turning_spring_and_its_derivative(version, tmp_path):
+    """The angle of a spring jumps at half a turn, where the indicator pi^2 - angle^2 changes its sign."""
+    (tmp_path / "turning.yaml").write_text(TURNING)
+    unit = Unit("turning", tmp_path, version)
+    name = "event_indicator[1]"
+    for integrates in (True, False):
+        for angle in (1.0, 3.1, -2.0):
+            of = unit.started(integrates, **{"q.wheel": angle})
+            if not integrates:
+                next_event(unit, of)
+                found = (c_double * 1)()
+                of.getEventIndicators(found, 1)
+                assert found[0] == unit.get(of, [name])[0]
+            assert unit.get(of, [name]) == pytest.approx(np.pi**2 - angle**2, rel=1e-14)
+            assert unit.along(of, [name], ["q.wheel"], [1.0]) == pytest.approx(-2.0 * angle, rel=1e-14)
+            if version == "3.0":
+                assert unit.adjoint(of, [name], ["q.wheel"], [3.0]) == pytest.approx(-6.0 * angle, rel=1e-14)
+            of.freeInstance()
+    solver = solver_of("turning", tmp_path, "simulate")
+    times = np.linspace(0.0, 1.0, 6)
+    motion = solver.simulate(times, rtol=1e-12, atol=1e-12)
+    assert np.ptp(motion.q) > 5.0
+    for kind in ("ModelExchange", "CoSimulation"):
+        found = fmpy.simulate_fmu(
+            str(unit.file),
+            fmi_type=kind,
+            stop_time=1.0,
+            output_interval=0.2,
+            relative_tolerance=1e-11,
+            output=["q.wheel"],
+        )
+        rows = [np.flatnonzero(np.abs(found["time"] - t) < 1e-9)[-1] for t in times]
+        assert np.abs(found["q.wheel"][rows] - motion.q[:, 0]).max() <= 1e-7
