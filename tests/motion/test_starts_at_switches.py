@@ -14,7 +14,7 @@ import pytest
 from motion.models import Made, parsed
 from scipy.integrate import quad
 
-from codegen.runtime import Final
+from codegen.runtime import At, Final
 
 STARTS = """
 model: starts
@@ -184,3 +184,42 @@ def test_an_input_that_reaches_a_threshold_at_a_knot(
         else:
             assert np.isnan(found.gradients[:, 1]).all()
             assert any("derivatives of the motion by mu do not exist" in str(w.message) for w in said)
+
+
+SAMPLED = """
+model: sampled
+parameters: {t0: 0.5, b: 0.4, c: 2.0}
+bodies:
+  timed: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  moved: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  bends: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  timed: {type: joint, joint: timed, value: "if(t < t0, c, 1)"}
+  moved: {type: joint, joint: moved, value: "if(q.moved < b, c, 1)"}
+  bends: {type: joint, joint: bends, value: "c*max(0, t - t0)"}
+outputs: {v: {value: u.timed}, w: {value: u.moved}}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_results_at_the_time_of_a_switch_have_a_warning(made: Callable[..., Made], integrator: str) -> None:
+    """Derivatives of speeds jump there: du/dt0 is 0 before, 1 after."""
+    solver: Any = made(parsed, SAMPLED).solver
+    names = ["t0", "b", "c"]
+    for times in ([0.0, 0.5, 1.0], [0.0, 0.25, 0.5]):  # within the motion, and at its end
+        with pytest.warns(
+            RuntimeWarning, match=r"at t = 0\.5 s, exactly where t >= t0 .* derivatives of results by t0 are"
+        ):
+            run = solver.simulate(times, sensitivities=names, method=integrator)
+        np.testing.assert_allclose(run.du[:, times.index(0.5)], [[0, 0, 0], [0, 0, 0], [0.5, 0.5, 0]], atol=1e-9)
+    for way in ("forward", "adjoint"):
+        with pytest.warns(RuntimeWarning, match="derivatives of results by t0 are those of one side"):
+            solver.judge(1.0, At("v", 0.5), wrt=names, method=way, integrator=integrator)
+        with pytest.warns(RuntimeWarning, match=r"exactly where q\.moved >= b .* by b, c are"):
+            solver.judge(math.sqrt(0.4), Final("w"), wrt=names, method=way, integrator=integrator)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = solver.simulate([0.0, 0.49, 0.51, 1.0], sensitivities=names, method=integrator)
+        solver.simulate([0.0, 0.5, 1.0], sensitivities=["c", "q0.timed"], method=integrator)
+        solver.simulate([0.0, 0.5, 1.0], method=integrator)
+    np.testing.assert_allclose(run.du[0, 1:, 0], [0.0, 1.0, 1.0], atol=1e-9)

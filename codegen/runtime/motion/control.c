@@ -279,6 +279,7 @@ static int go_on(ordernm_motion *m, const trial *step, int *stop)
     const int at_knot = ordernm_next_knot(m, m->t) != step->knot;
     if (!failure) ordernm_lose_infinite(m, m->z);
     if (!failure && m->nbent) ordernm_lose_at_knot(m);
+    if (!failure && m->nheld && r->lost) ordernm_look_at_samples(m);
     if (!failure && m->nheld && (m->switched || at_knot)) failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
     if (!failure && p->nevents && m->switched) failure = ordernm_compare_events(m);
     if (!failure && p->nevents && (m->switched || at_knot)) failure = ordernm_jumped_events(m, !at_knot, stop);

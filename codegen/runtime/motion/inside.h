@@ -389,6 +389,7 @@ int ordernm_growing_power(ordernm_motion *m, const trial *step);
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);
 void ordernm_lose_at_start(ordernm_motion *m);
 void ordernm_lose_at_knot(ordernm_motion *m);
+void ordernm_look_at_samples(ordernm_motion *m);
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step);
 
 /* step_sizes.c */

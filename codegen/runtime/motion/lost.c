@@ -15,6 +15,9 @@ static const scalar AGREE = 1e-10;
 /* A direction moves a switch if the relative motion of the switch exceeds this limit; residues of passed switches are smaller. */
 static const scalar MOVES = 1e-7;
 
+/* Fraction of the motion's duration within which a result is at the time of a switch. */
+static const scalar SAMPLED = 1e-12;
+
 /* The same limit at the start of the motion and at knots of inputs, where there are only rounding errors. */
 static const scalar ROUNDED = 1e-12;
 
@@ -315,6 +318,62 @@ void ordernm_lose_at_knot(ordernm_motion *m)
 {
     for (int i = 0; i < m->nbent && (m->ngroups || m->results->lost); ++i) lose_at_switch(m, m->bent[i], ORDERNM_BENDS);
     m->nbent = 0;
+}
+
+/* ---- Results at the time of a switch. ---- */
+
+/* Whether a result is wanted at the current time. */
+static int is_sampled(const ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    const scalar near = SAMPLED*(p->end - p->start);
+    const int before = m->sampled > 0 && fabs(p->times[m->sampled - 1] - m->t) <= near;
+    return p->ntimes && (before || (m->sampled < p->ntimes && p->times[m->sampled] - m->t <= near));
+}
+
+/* Whether a direction jumps at the switches just passed. */
+static int jumps_along(const ordernm_motion *m, int n, int lane)
+{
+    const group *const g = m->groups + n;
+    for (long i = 0; i < m->ny + m->nx; ++i) {
+        const scalar here = m->z[g->at + i*g->width + lane], first = m->z_before[g->at + i*g->width + lane];
+        if (fabs(here - first) > AGREE*(fabs(here) + fabs(first))) return 1;
+    }
+    return 0;
+}
+
+/* A switch with a jump of rates at whose zero the motion ends without crossing it; -1 if there is none. */
+static int ends_at_switch(ordernm_motion *m)
+{
+    for (int i = 0; i < m->nheld && m->t >= m->problem->end; ++i)
+        if (m->crossed[m->held[i]] == 0.0 && ordernm_begins_at_jump(m, m->held[i])) return m->held[i];
+    return -1;
+}
+
+/* At the time of a switch, derivatives of results are those of one side. Records the directions for which both sides differ: they are NaN
+ * in the recorded row. */
+void ordernm_look_at_samples(ordernm_motion *m)
+{
+    ordernm_results *const r = m->results;
+    const ordernm_system *const s = m->system;
+    if (r->lost_capacity - r->lost_count <= m->problem->ndirections || !is_sampled(m)) return; /* leaves memory for lost directions */
+    const int end = ends_at_switch(m), passed = m->switched && m->together_jump && m->ntogether;
+    const long first = 1 + s->nq + s->nu + s->noutputs + m->nx;
+    int some = !m->ngroups && !r->lost_count;
+    if ((end < 0 && !passed) || (end >= 0 && ordernm_switch_along(m, m->t, m->z, end))) return;
+    scalar *const row = r->lost + r->lost_count*ordernm_row_size(m->problem);
+    int which = end;
+    for (int i = 0; i < m->ntogether && end < 0; ++i)
+        if (which < 0 || m->speeds[m->together[i]] != 0.0) which = m->together[i];
+    note(m, ORDERNM_SAMPLED, which);
+    for (int n = 0; n < m->ngroups; ++n)
+        for (int l = 0; l < m->groups[n].used; ++l) {
+            if (m->lost[n*LANES + l] != 0.0) continue;
+            if (!(passed && jumps_along(m, n, l)) && !(end >= 0 && moves_switch(m, m->z, n, l) > ROUNDED)) continue;
+            row[first + (m->groups[n].first + l)*s->nq] = NAN;
+            some = 1;
+        }
+    if (!some) --r->lost_count;
 }
 
 /* Marks directions as lost that have no derivative after this step. */

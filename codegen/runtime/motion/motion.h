@@ -189,7 +189,7 @@ typedef struct {
     long flat_capacity, flat_count;
     /* Directions along which derivatives no longer exist: a row of results in which these derivatives are NaN, the reason (see
      * ORDERNM_INFINITE), and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if
-     * lost is 0. */
+     * lost is 0. Rows for results at the time of a switch are stored while more than ndirections rows are free. */
     ordernm_scalar *lost;
     int *lost_why;            /* [lost_capacity][2] */
     long lost_capacity, lost_count;
@@ -223,8 +223,9 @@ typedef struct {
 
 /* Reasons for the loss of a direction: derivatives of rates are not finite; the motion rests at a switch; rates jump without a switch;
  * the motion passes the zero of a singular function; the motion begins at a switch at which rates jump;
- * the motion reaches such a switch at a knot of the inputs, where the rate of the switching function changes. */
-enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES, ORDERNM_BEGINS, ORDERNM_BENDS };
+ * the motion reaches such a switch at a knot of the inputs, where the rate of the switching function changes;
+ * results at the time of such a switch, whose derivatives are those of one side. */
+enum { ORDERNM_INFINITE, ORDERNM_RESTS, ORDERNM_JUMPS, ORDERNM_PASSES, ORDERNM_BEGINS, ORDERNM_BENDS, ORDERNM_SAMPLED };
 
 enum { ORDERNM_JUMPED = -1, ORDERNM_JUMPED_BY_STATE = -2 };
 

@@ -12,7 +12,7 @@ from ..calls.non_finite import culprit
 from .problem import Segment
 from .switches import switch_words
 
-INFINITE, RESTS, JUMPS, PASSES, BEGINS, BENDS = range(6)
+INFINITE, RESTS, JUMPS, PASSES, BEGINS, BENDS, SAMPLED = range(7)
 """Reasons for the loss of a direction, numbered as in ``motion.h``."""
 
 
@@ -20,6 +20,12 @@ def why_lost(
     segment: Segment, why: int, which: int, state: Mapping[str, Any], entries: Sequence[str], names: Sequence[str]
 ) -> str:
     """The warning for the loss of the directions `names`; `entries` are the names of the state's entries."""
+    if why == SAMPLED:
+        place = switch_words(segment.opened.manifest, which)
+        return (
+            f"at t = {state['t']:.9g} s, exactly where {place} changes its branch, derivatives of results by {', '.join(names)} "
+            f"are those of one side if they jump there"
+        )
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
         reason = f"the motion stays at {place}, where the branch changes, and motions on the two branches differ"

@@ -18,6 +18,9 @@ FLAT_POSES = 64
 
 NO_POSES: Array = np.empty((0, 0))
 
+SAMPLES = 8
+"""Maximum number of results at times of switches that a motion records."""
+
 
 class Results:
     """The results of a motion with one partition.
@@ -54,7 +57,7 @@ class Results:
             self._flat = np.empty((FLAT_POSES, 1 + 2 * loops))
             r.flat, r.flat_capacity = self._in_c(self._flat), FLAT_POSES
         along = len(problem.dp)
-        self._lost = np.empty((max(along, 1) if along or keep_steps else 0, self.size))
+        self._lost = np.empty((along + SAMPLES if along else int(keep_steps), self.size))
         self._why = ffi.new("int[]", 2 * len(self._lost) + 1)
         if len(self._lost):
             r.lost, r.lost_why, r.lost_capacity = self._in_c(self._lost), self._why, len(self._lost)

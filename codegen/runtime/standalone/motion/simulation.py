@@ -24,7 +24,7 @@ from .controllers import Sampling, sampling_times, with_controlled
 from .directions import Directions, take_sensitivities
 from .flat_poses import lost_directions, what_is_lost
 from .inputs import Inputs
-from .lost import lost_names, why_lost
+from .lost import SAMPLED, lost_names, why_lost
 from .problem import Problem, Run
 from .reasons import Reasons
 from .run import Progress, places_in_rows
@@ -116,7 +116,7 @@ class Simulation(Reasons):
             for row, why, which in segment.lost:
                 derivatives = [self._derivatives_of_rows(row, problem, len(names), i) for i in (1, 2, 4)]
                 gone = lost_names(np.concatenate(derivatives, axis=1), lost, names)
-                lost.update(gone)
+                lost.update(gone if why != SAMPLED else ())
                 if gone:
                     state, entries = self._state_of(row, problem), self._entries(problem)
                     warn(f"{self.name}: {why_lost(segment, why, which, state, entries, gone)}")
