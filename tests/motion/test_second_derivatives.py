@@ -328,6 +328,21 @@ def test_loops_with_steps_of_their_own(four_bar: codegen.Solver) -> None:
     same_as_differences(judge, AT_LOOP, np.full(7, 2e-3), 1e-7)
 
 
+def test_compiled_products_of_outputs_are_those_of_dual_numbers(four_bar: codegen.Solver, tmp_path: Path) -> None:
+    """A package with output_hessian_products evaluates outputs in C."""
+    functions = f"{FUNCTIONS},output_hessian_products"
+    codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "package", functions=functions)
+    samples = LeastSquares([0.0, 0.13, 0.4], {"swing": [0.1, 0.2, 0.3], "kinetic": [0.1, np.nan, 0.2]}, sigma=0.1)
+    wanted = [Final("trace_x"), Integral("kinetic"), At("swing", 0.19), samples]
+    more: dict[str, Any] = {"hessian": True, "integrator": "rk4", "step": 0.01}
+    other = codegen.load(tmp_path / "package")
+    assert "output_hessian_products" in other._functions and "output_hessian_products" not in four_bar._functions
+    plain, compiled = (judged_loop(solver, AT_LOOP, wanted, 0.4, **more) for solver in (four_bar, other))
+    for one, other in zip(plain.hessian_products, compiled.hessian_products, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(one).max())
+    np.testing.assert_allclose(plain.gradients, compiled.gradients, rtol=1e-12, atol=1e-13)
+
+
 @pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")
 def test_loops_equal_differences_of_gradients_in_40_digits(four_bar: codegen.Solver) -> None:
     """The classical method with closed loops at every stage, and the first variables' rows."""

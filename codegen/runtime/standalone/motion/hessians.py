@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,11 +11,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import PackageError
-from ..statics.jets import Jet, value_of
 from ..statics.second_derivatives import SecondDerivatives
 from .adjoint import made_again
+from .at_states import AtStates
 from .functionals import AtEvent, Functional, LeastSquares
-from .inputs import Inputs
 from .problem import Problem, Segment
 
 TOGETHER = 8
@@ -114,93 +113,6 @@ class Curvature:
     products: int
 
 
-class _Functions:
-    """The functions of a choice of independents, on dual numbers, at many states whose loops are closed.
-
-    Records of states are those of ``motion.h``: independent entries with their derivatives along r directions, and coordinates.
-    """
-
-    def __init__(self, functions: SecondDerivatives, problem: Problem, free: Array):
-        self.functions, self.problem, self.free, self.r = functions, problem, free, len(problem.dp)
-        self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
-
-    def states(self, records: Array, t: Array, within: Array) -> Array:
-        """All coordinates and speeds (n, 1 + r, nq + nu); dependent speeds are zero, since functions compute them."""
-        n, r, free, nq = len(records), self.r, self.free, self.nq
-        found = np.zeros((n, 1 + r, nq + self.nu))
-        found[:, :, free] = records[:, : (1 + r) * len(free)].reshape(n, 1 + r, len(free))
-        if records.shape[1] > (1 + r) * len(free):
-            found[:, 0, :nq] = records[:, -nq:]
-            found[:, 1:, :nq] = self.along("completion_sensitivities", found, t, within)["dfull_q"].transpose(1, 0, 2)
-        return found
-
-    def along(self, name: str, states: Array, t: Array, within: Array) -> dict[str, Array]:
-        """Values (n, ...) and derivatives (r, n, ...) of a function's results at states (n, 1 + r, nq + nu)."""
-        n, r, nq, x = len(states), self.r, self.nq, self.problem
-        inputs, dinputs = self.inputs(t, within)
-        dy, of = states[:, 1:].transpose(1, 0, 2), self.functions.functions[name]
-        given = {
-            "q": states[:, 0, :nq], "u": states[:, 0, nq:], "p": np.broadcast_to(x.p, (n, self.np)), "inputs": inputs, "t": t,
-        }  # fmt: skip
-        seeds = {
-            "dq": dy[..., :nq], "du": dy[..., nq:], "dp": np.broadcast_to(x.dp[:, None], (r, n, self.np)),
-            "dinputs": dinputs.transpose(2, 0, 1), "dt": np.zeros((r, n)),
-        }  # fmt: skip
-        found = getattr(self.functions.module, of.name)(
-            *(given[a] for a in of.arguments), *(seeds[s] for s in of.seeds)
-        )
-        return {name: value_of(part) for name, part in zip(of.results, found, strict=True)}
-
-    def transposed(
-        self, name: str, states: Array, t: Array, within: Array, weights: Mapping[str, tuple[Array, Array]]
-    ) -> Array:
-        """Gradients (n, 1 + r, free + np + ninputs) of weighted results, and their changes.
-
-        Parameters
-        ----------
-        states : array (n, 1 + r, nq + nu)
-        t, within : array (n,)
-            Times, and times within the steps that contain them: inputs may jump between steps.
-        weights : dict of two arrays (n, size), (n, size, r)
-            Weights of results, and their changes along the directions.
-        """
-        x, n, r = self.problem, len(states), self.r
-        y, dy = states[:, 0], states[:, 1:].transpose(0, 2, 1)
-        inputs, dinputs = self.inputs(t, within)
-        given = {
-            "q": Jet(y[:, : self.nq], dy[:, : self.nq]),
-            "u": Jet(y[:, self.nq :], dy[:, self.nq :]),
-            "p": Jet(np.broadcast_to(x.p, (n, self.np)), np.broadcast_to(x.dp.T, (n, self.np, r))),
-            "inputs": Jet(inputs, dinputs),
-            "t": t,
-        }
-        seeds = {seed: Jet(value[None], change[None]) for seed, (value, change) in weights.items()}
-        found = self.functions.along(name, given, seeds)
-        sizes = {"dq": self.nq, "du": self.nu, "dp": self.np, "dinputs": inputs.shape[1]}
-        by_name = dict(zip(self.functions.functions[name].results, found, strict=True))
-        parts = []
-        for part, size in sizes.items():
-            jet = by_name.get(part)
-            if jet is None:
-                parts.append(np.zeros((n, 1 + r, size)))
-                continue
-            value, slope = jet.value.reshape(n, size, 1), jet.slope.reshape(n, size, r)
-            parts.append(np.concatenate([value, slope], axis=2).transpose(0, 2, 1))
-        whole = np.concatenate(parts, axis=2)
-        kept = [*self.free, *range(self.nq + self.nu, whole.shape[2])]
-        return np.ascontiguousarray(whole[:, :, kept])
-
-    def inputs(self, t: Array, within: Array) -> tuple[Array, Array]:
-        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r); see `transposed`."""
-        x: Inputs = self.problem.inputs
-        values = x.at(t, within)
-        along = np.zeros((*values.shape, self.r))
-        if self.problem.dinputs is not None:
-            for i, control in enumerate(self.problem.dinputs):
-                along[..., i] = replace(x, values=control).at(t, within)
-        return values, along
-
-
 class _Tangents:
     """The steps of a segment with tangents of their stages, ready for functionals."""
 
@@ -213,7 +125,7 @@ class _Tangents:
         free_q = unpack(system.free_q, system.nfree_q) if system.nfree_q else []
         free_u = unpack(system.free_u, system.nfree_u) if system.nfree_u else []
         self.free = np.array([*free_q, *(nq + i for i in free_u)], int)
-        self.functions = _Functions(functions, along, self.free)
+        self.functions = AtStates(functions, along, self.free)
         # repeated steps must use the same functions as the original steps
         system.precise = self.ffi.cast("const ordernm_precise *", segment.precise)
         plain, c = segment.problem.in_c(self.ffi, system), along.in_c(self.ffi, system)
@@ -250,7 +162,11 @@ class _Tangents:
                 raise RuntimeError(f"tangents of a motion cannot use one of its states ({status})")
             self.tapes.append(tape)
             self.nodes.append(nodes)
-        self.states = self.functions.states(self.records, times, self.within) if len(times) else np.zeros(0)
+        self.states = (
+            self.functions.states(self.records, times, self.within, not self.functions.compiled)
+            if len(times)
+            else np.zeros(0)
+        )
         self.end, self.middle = float(steps[-1, :2].sum()), float(_middles(steps[-1:])[0])
 
     def at_end(self, t: float) -> Array:
@@ -261,7 +177,7 @@ class _Tangents:
             raise RuntimeError(
                 f"tangents of a motion cannot use the state at a change of independent coordinates ({status})"
             )
-        found: Array = self.functions.states(record[None], np.array([t]), np.array([self.middle]))[0]
+        found: Array = self.functions.states(record[None], np.array([t]), np.array([self.middle]), True)[0]
         return found
 
     def _pointer(self, x: Array) -> Any:
@@ -273,7 +189,7 @@ class _Tangents:
         Parameters
         ----------
         sources, integrands : array
-            Results of `_Functions.transposed` for outputs at times, and for integrals.
+            Results of `AtStates.transposed` for outputs at times, and for integrals.
         finish : array (1 + r, free)
             Gradients by the independent entries at the end, and their changes.
         """
@@ -302,11 +218,11 @@ class _Tangents:
             used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
             t = nodes[:, used, 0]
             within = np.broadcast_to(_middles(rows)[:, None], t.shape).ravel()
-            states = self.functions.states(tape[:, used].reshape(-1, record), t.ravel(), within)
+            records = tape[:, used].reshape(-1, record)
+            states = self.functions.states(records, t.ravel(), within, not self.functions.compiled)
             of = np.broadcast_to(weights, (len(states), len(weights)))
             changes = np.zeros((*of.shape, self.r))
-            name = "output_sensitivities_transposed"
-            found = self.functions.transposed(name, states, t.ravel(), within, {"doutputs": (of, changes)})
+            found = self.functions.outputs(states, t.ravel(), within, of, changes)
             whole = np.zeros((count, stages, *found.shape[1:]))
             whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
             parts.append(whole)
@@ -412,10 +328,9 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
         changes = np.zeros((len(of.times), len(names), of.r))
         if isinstance(f, LeastSquares) and len(of.times):
             changes = _changes(f, of, names)
-        sources, name = np.zeros(0), "output_sensitivities_transposed"
+        sources = np.zeros(0)
         if len(of.times):
-            by = {"doutputs": (by_output[here], changes)}
-            sources = of.functions.transposed(name, of.states, of.times, of.within, by)
+            sources = of.functions.outputs(of.states, of.times, of.within, by_output[here], changes)
         integrands = of.integrands(weights) if weights.any() else [None] * len(of.parts)
         start, p, inputs = of.back(sources, integrands, finish)
         if total is not None and later is not None:

@@ -22,7 +22,7 @@ class SecondDerivatives:
     """
 
     def __init__(self, opened: Opened):
-        self.functions = opened.functions
+        self.functions, self.opened = opened.functions, opened
         # a separate copy of the module, in which the conversion of arguments and results is replaced
         module: Any = NumpyTarget(opened.folder, opened.manifest).module
         module.Call, module.result = _call_of_jets(module.Call), _result_of_jets(module.result)
