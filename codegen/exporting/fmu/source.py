@@ -41,7 +41,7 @@ def sources(
     }
     motion = {file: text for file, text in motion_files().items() if file.rpartition("/")[2] not in LEFT_OUT}
     here = Path(__file__).parent
-    wanted = ("unit.c", "unit.h", "fmi.h", "unit_state.c", "unit_derivatives.c", OF_VERSION[version])
+    wanted = ("unit.c", "unit.h", "fmi.h", "unit_state.c", "unit_saved.c", "unit_derivatives.c", OF_VERSION[version])
     of_unit = {f"unit/{file}": (here / file).read_text(encoding="utf-8") for file in wanted}
     return own | motion | of_unit | {f"{name}_fmu.c": _contents(model, manifest, found, method, rtol, initial)}
 

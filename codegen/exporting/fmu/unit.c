@@ -1,9 +1,8 @@
-/* Instances: memory, variables by value reference, time, states and events, steps of Co-Simulation, and saved states. */
+/* Instances: memory, variables by value reference, time, states and events, and steps of Co-Simulation. */
 #include "unit.h"
 
 #include <math.h>
 #include <stdarg.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +34,12 @@ int unit_say(unit *x, int status, const char *format, ...)
     va_end(values);
     if (x->log) x->log(x, status, text);
     return status;
+}
+
+/* Refuses null pointers where n entries are expected; `other` belongs to the same call. */
+int unit_has(unit *x, size_t n, const void *one, const void *other)
+{
+    return !n || (one && other) ? UNIT_OK : unit_say(x, UNIT_ERROR, "an array of %zu entries is a null pointer", n);
 }
 
 /* ---- Memory. ---- */
@@ -232,6 +237,7 @@ scalar unit_indicator(const unit *x, int i, scalar *slope)
 int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
 {
     const ordernm_system *const s = x->system;
+    if (unit_has(x, n, variables, values)) return UNIT_ERROR;
     for (size_t i = 0; i < n; ++i) {
         int k;
         scalar slope;
@@ -251,6 +257,7 @@ int unit_get(unit *x, const unsigned *variables, size_t n, scalar *values)
 int unit_set(unit *x, const unsigned *variables, size_t n, const scalar *values)
 {
     const int mode = (int)*x->mode, before = mode <= INITIALIZING;
+    if (unit_has(x, n, variables, values)) return UNIT_ERROR;
     for (size_t i = 0; i < n; ++i) {
         int k;
         const int kind = unit_of(x, variables[i], &k);
@@ -284,16 +291,16 @@ int unit_set_time(unit *x, scalar t)
     return UNIT_OK;
 }
 
-static int of_states(unit *x, size_t n)
+static int of_states(unit *x, const scalar *values, size_t n)
 {
     const size_t wanted = (size_t)(x->nfq + x->nfu);
-    return n == wanted ? UNIT_OK : unit_say(x, UNIT_ERROR, "an array has %zu entries, expected %zu, one for each continuous state", n, wanted);
+    return n == wanted ? unit_has(x, n, values, values) : unit_say(x, UNIT_ERROR, "an array has %zu entries, expected %zu, one for each continuous state", n, wanted);
 }
 
 int unit_set_states(unit *x, const scalar *states, size_t n)
 {
     const ordernm_system *const s = x->system;
-    if (of_states(x, n)) return UNIT_ERROR;
+    if (of_states(x, states, n)) return UNIT_ERROR;
     for (size_t i = 0; i < n; ++i)
         if (!isfinite(states[i])) return unit_say(x, UNIT_DISCARD, "continuous state %zu is not finite", i + 1);
     for (int i = 0; i < x->nfq; ++i) x->q[s->free_q[i]] = states[i];
@@ -305,7 +312,7 @@ int unit_set_states(unit *x, const scalar *states, size_t n)
 int unit_get_states(unit *x, scalar *states, size_t n)
 {
     const ordernm_system *const s = x->system;
-    if (of_states(x, n)) return UNIT_ERROR;
+    if (of_states(x, states, n)) return UNIT_ERROR;
     if (*x->mode <= INITIALIZING && unit_update(x)) return UNIT_ERROR;
     for (int i = 0; i < x->nfq; ++i) states[i] = x->q[s->free_q[i]];
     for (int i = 0; i < x->nfu; ++i) states[x->nfq + i] = x->u[s->free_u[i]];
@@ -315,7 +322,7 @@ int unit_get_states(unit *x, scalar *states, size_t n)
 int unit_get_rates(unit *x, scalar *rates, size_t n)
 {
     const ordernm_system *const s = x->system;
-    if (of_states(x, n)) return UNIT_ERROR;
+    if (of_states(x, rates, n)) return UNIT_ERROR;
     const int status = unit_update(x);
     if (status) return status;
     for (int i = 0; i < x->nfq; ++i) rates[i] = x->qdot[s->free_q[i]];
@@ -330,7 +337,8 @@ int unit_get_indicators(unit *x, scalar *values, size_t n)
 {
     const size_t wanted = (size_t)x->model->nindicators;
     if (n != wanted) return unit_say(x, UNIT_ERROR, "an array has %zu entries, expected %zu, one for each event indicator", n, wanted);
-    const int status = unit_update(x);
+    int status = unit_has(x, n, values, values);
+    if (!status) status = unit_update(x);
     if (status) return status;
     scalar slope;
     for (size_t i = 0; i < n; ++i) values[i] = unit_indicator(x, (int)i, &slope);
@@ -339,7 +347,7 @@ int unit_get_indicators(unit *x, scalar *values, size_t n)
 
 int unit_get_nominals(unit *x, scalar *nominals, size_t n)
 {
-    if (of_states(x, n)) return UNIT_ERROR;
+    if (of_states(x, nominals, n)) return UNIT_ERROR;
     for (size_t i = 0; i < n; ++i) nominals[i] = 1.0;
     return UNIT_OK;
 }
@@ -475,66 +483,4 @@ int unit_step(unit *x, scalar t, scalar h)
     *x->t = end;
     if (!straight) unit_took_step(x);
     return unit_update(x);
-}
-
-/* ---- Saved states. ---- */
-
-static size_t saved_bytes(const unit *x) { return (size_t)x->saved*sizeof(scalar); }
-
-/* A digest of the token and of a saved state, by which other bytes are refused (FNV-1a). */
-static uint64_t digest_of(const unit *x, const unsigned char *bytes)
-{
-    uint64_t found = 14695981039346656037u;
-    for (const char *at = x->model->token; *at; ++at) found = (found ^ (unsigned char)*at)*1099511628211u;
-    for (size_t i = 0; i < saved_bytes(x); ++i) found = (found ^ bytes[i])*1099511628211u;
-    return found;
-}
-
-size_t unit_serialized_bytes(const unit *x) { return sizeof(uint64_t) + saved_bytes(x); }
-
-/* Saves the state of an instance to *saved, which is allocated if it is null. */
-int unit_save(unit *x, void **saved)
-{
-    if (!*saved) *saved = malloc(saved_bytes(x));
-    if (!*saved) return unit_say(x, UNIT_ERROR, "there is not enough memory");
-    memcpy(*saved, x->mode, saved_bytes(x));
-    return UNIT_OK;
-}
-
-int unit_restore(unit *x, const void *saved)
-{
-    if (!saved) return unit_say(x, UNIT_ERROR, "the saved state is a null pointer");
-    const scalar mode = *(const scalar *)saved;
-    if (x->integrates ? mode == EVENT_MODE || mode == CONTINUOUS_TIME : mode == STEP_MODE)
-        return unit_say(x, UNIT_ERROR, "the saved state is that of an instance for %s, but this instance is for %s",
-            x->integrates ? "Model Exchange" : "Co-Simulation", x->integrates ? "Co-Simulation" : "Model Exchange");
-    memcpy(x->mode, saved, saved_bytes(x));
-    x->computed = 0;
-    return UNIT_OK;
-}
-
-/* Writes a digest and the saved state to `bytes`. */
-int unit_write(unit *x, const void *saved, unsigned char *bytes, size_t n)
-{
-    if (!saved) return unit_say(x, UNIT_ERROR, "the saved state is a null pointer");
-    if (n < unit_serialized_bytes(x))
-        return unit_say(x, UNIT_ERROR, "there is room for %zu bytes, but a serialized state has %zu", n, unit_serialized_bytes(x));
-    const uint64_t digest = digest_of(x, saved);
-    memcpy(bytes, &digest, sizeof digest);
-    memcpy(bytes + sizeof digest, saved, saved_bytes(x));
-    return UNIT_OK;
-}
-
-int unit_read(unit *x, const unsigned char *bytes, size_t n, void **saved)
-{
-    uint64_t digest;
-    if (n != unit_serialized_bytes(x))
-        return unit_say(x, UNIT_ERROR, "the serialized state has %zu bytes, expected %zu", n, unit_serialized_bytes(x));
-    memcpy(&digest, bytes, sizeof digest);
-    if (digest != digest_of(x, bytes + sizeof digest))
-        return unit_say(x, UNIT_ERROR, "these bytes are not a state that this FMU has serialized");
-    if (!*saved) *saved = malloc(saved_bytes(x));
-    if (!*saved) return unit_say(x, UNIT_ERROR, "there is not enough memory");
-    memcpy(*saved, bytes + sizeof digest, saved_bytes(x));
-    return UNIT_OK;
 }

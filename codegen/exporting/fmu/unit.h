@@ -72,6 +72,7 @@ void unit_free(unit *x);
 void unit_reset(unit *x);
 int unit_say(unit *x, int status, const char *format, ...);
 static inline int unit_trial(const unit *x) { return *x->mode == CONTINUOUS_TIME ? UNIT_DISCARD : UNIT_ERROR; }
+int unit_has(unit *x, size_t n, const void *one, const void *other);
 int unit_of(const unit *x, unsigned variable, int *index);
 const char *unit_name(const unit *x, unsigned variable);
 int unit_in(unit *x, const char *call, unsigned modes);
@@ -88,6 +89,8 @@ int unit_get_nominals(unit *x, scalar *nominals, size_t n);
 int unit_get_indicators(unit *x, scalar *values, size_t n);
 int unit_events(unit *x, scalar *next);
 int unit_step(unit *x, scalar t, scalar h);
+
+/* unit_saved.c */
 size_t unit_serialized_bytes(const unit *x);
 int unit_save(unit *x, void **saved);
 int unit_restore(unit *x, const void *saved);

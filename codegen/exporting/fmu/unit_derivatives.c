@@ -115,6 +115,7 @@ int unit_along(unit *x, const unsigned *unknowns, size_t nunknowns, const unsign
 {
     scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
     ordernm_call c;
+    if (unit_has(x, nunknowns, unknowns, result) || unit_has(x, nknowns, knowns, seed)) return UNIT_ERROR;
     int status = unit_update(x);
     if (status) return status;
     const unsigned kinds = kinds_of(x, unknowns, nunknowns);
@@ -192,6 +193,7 @@ int unit_adjoint(unit *x, const unsigned *unknowns, size_t nunknowns, const unsi
     scalar *result)
 {
     ordernm_call c;
+    if (unit_has(x, nunknowns, unknowns, seed) || unit_has(x, nknowns, knowns, result)) return UNIT_ERROR;
     int status = unit_update(x);
     if (status) return status;
     const unsigned kinds = kinds_of(x, unknowns, nunknowns);

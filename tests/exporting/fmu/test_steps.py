@@ -1,5 +1,7 @@
 """Steps of Co-Simulation of any size, instances side by side, and saved states of other instances and FMUs."""
 
+from ctypes import c_double, c_uint
+
 import numpy as np
 import pytest
 
@@ -121,4 +123,32 @@ def test_a_model_may_have_the_name_of_a_file_of_the_unit(version, name, tmp_path
     of.doStep(0.0, 1.0)
     found = unit.get(of, ["q.rod", "u.rod", "energy.kinetic", "energy.potential"])
     assert found == pytest.approx([0.0, -1.0, 1.0, 0.0], abs=1e-12)
+    of.freeInstance()
+
+
+@VERSIONS
+def test_null_pointers_are_errors(made, version):
+    unit = made(version)
+    of = unit.started(**INPUTS)
+    get, put = ("GetReal", "SetReal") if version == "2.0" else ("GetFloat64", "SetFloat64")
+    sizes = () if version == "2.0" else (2,)
+    state = "FMUstate" if version == "2.0" else "FMUState"
+    references, values = (c_uint * 2)(1, 2), (c_double * 2)()
+
+    def call(name, *arguments):
+        with pytest.raises(FMICallException):
+            getattr(of, f"fmi{version[0]}{name}")(of.component, *arguments)
+
+    for name in (get, put):
+        call(name, None, 2, values, *sizes)
+        call(name, references, 2, None, *sizes)
+    call("GetContinuousStates", None, 2)
+    call("GetNominalsOfContinuousStates", None, 2)
+    call("GetDirectionalDerivative", None, 2, references, 2, values, *sizes, values, *sizes)
+    call("GetDirectionalDerivative", references, 2, references, 2, None, *sizes, values, *sizes)
+    call(f"Get{state}", None)
+    call(f"Set{state}", None)
+    if version == "3.0":
+        call("GetAdjointDerivative", references, 2, references, 2, values, 2, None, 2)
+        assert {text for _, text in unit.messages} >= {"an array of 2 entries is a null pointer"}
     of.freeInstance()
