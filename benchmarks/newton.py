@@ -27,6 +27,7 @@ from ordernm.runtime import LeastSquares
 EXAMPLES = Path(__file__).parents[1] / "examples"
 sys.path.insert(0, str(EXAMPLES))
 
+FUNCTIONS = "motion,hessian_products,output_hessian_products,jacobians,accelerations"
 MODELS = {"swing_up": "swing_up", "path_synthesis": "coupler", "excavator_lift": "excavator"}
 Problem = Callable[[Any], tuple[ordernm.Objective, list[Any]]]
 Search = tuple[str, str, Problem, dict[str, Any]]
@@ -44,7 +45,7 @@ def without_bounds(f: ordernm.Objective, functionals: list[Any], weights: list[f
     )  # fmt: skip
 
 
-def swing_up(solver: Any) -> list[Search]:
+def swing_up() -> list[Search]:
     from swing_up import AIM, SECONDS, swing_up_problem
 
     def constrained(s: Any) -> tuple[ordernm.Objective, list[Any]]:
@@ -59,7 +60,7 @@ def swing_up(solver: Any) -> list[Search]:
     return searches(constrained, penalty, "SLSQP")
 
 
-def path_synthesis(solver: Any) -> list[Search]:
+def path_synthesis() -> list[Search]:
     from path_synthesis import path_objective
 
     def bounded(s: Any) -> tuple[ordernm.Objective, list[Any]]:
@@ -72,7 +73,7 @@ def path_synthesis(solver: Any) -> list[Search]:
     return searches(bounded, free, "L-BFGS-B")
 
 
-def excavator_lift(solver: Any) -> list[Search]:
+def excavator_lift() -> list[Search]:
     from excavator_lift import PLACE, SECONDS, lift_problem
 
     def penalty(s: Any) -> tuple[ordernm.Objective, list[Any]]:
@@ -93,6 +94,9 @@ def searches(bounded: Problem, free: Problem, today: str) -> list[Search]:
         ("free", "L-BFGS-B", free, {"maxiter": 1000, "ftol": 1e-13, "gtol": 1e-6}),
         ("free", "trust-krylov", free, {"maxiter": 400, "gtol": 1e-6}),
     ]
+
+
+SEARCHES = {"swing_up": swing_up, "path_synthesis": path_synthesis, "excavator_lift": excavator_lift}
 
 
 def compete(solver: Any, search: Search) -> str:
@@ -128,14 +132,16 @@ def main() -> None:
         place = folder / MODELS[name]
         if not place.is_dir():
             ordernm.generate(
-                EXAMPLES / f"{MODELS[name]}.yaml", place, functions="motion,hessian_products,jacobians,accelerations"
+                EXAMPLES / f"{MODELS[name]}.yaml",
+                place,
+                functions="motion,hessian_products,output_hessian_products,jacobians,accelerations",
             )
         solver = ordernm.load(place)
         print(
             f"\n{name}\n\n| problem | method | motions | with Hessian | s | value | gradient, or miss of constraints |"
         )
         print("| --- | --- | --- | --- | --- | --- | --- |", flush=True)
-        for search in globals()[name](solver):
+        for search in SEARCHES[name]():
             print(compete(solver, search), flush=True)
 
 
