@@ -4,7 +4,8 @@
 
 Problems: the swing-up of a cart-pole, a four-bar and a five-bar leg from rest to rest, with least integral of squared inputs.
 Native CasADi gets equations of motion in closed form: for loops the dependent points by intersection of circles, and
-Lagrange's equations from energies, differentiated by CasADi. All contestants have the same nonlinear program and IPOPT, and
+Lagrange's equations from energies, differentiated by CasADi; interpreted, and as C code that CasADi writes, compiled with the
+options of ordernm. All contestants have the same nonlinear program and IPOPT, and
 take turns. Optima are compared, and printed with their differences. An iteration is the least CPU time of a solution by its
 number of iterations, as other work on the machine disturbs it least.
 """
@@ -23,8 +24,10 @@ import casadi
 import numpy as np
 
 import codegen
+from codegen.casadi.functions import OPTIONS
 from codegen.casadi.optimal_control import Collocation
 from codegen.casadi.optimum import NotSolvedError, Optimum
+from codegen.runtime.standalone.files.build import Build
 
 ROOT = Path(__file__).parents[1]
 FUNCTIONS = "accelerations,sensitivities,gradients,hessian_products"
@@ -159,6 +162,19 @@ class Native(Collocation):
         return casadi.Function("native", symbols, [f(*symbols)], names, ["ydot"])
 
 
+def compiled(f: casadi.Function, folder: Path) -> casadi.Function:
+    """The function and its derivatives as C code of CasADi, compiled as ordernm compiles packages."""
+    back = f.reverse(1)
+    code = casadi.CodeGenerator("native.c")
+    for g in (f, f.jacobian(), back, back.jacobian()):
+        code.add(g)
+    folder.mkdir(parents=True, exist_ok=True)
+    code.generate(f"{folder}/")
+    build = Build(folder, "native", ["native.c"])
+    build.places = [folder]
+    return casadi.external("native", str(build.library()), OPTIONS)
+
+
 def stated(kind: type[Collocation], solver: Any, problem: dict[str, Any], designs: int) -> Collocation:
     """A problem with the first design parameters as variables; a price of their changes keeps the cart-pole near its optimum."""
     design = dict(list(problem["design"].items())[:designs])
@@ -188,11 +204,14 @@ def measured(name: str, folder: Path, turns: int) -> list[str]:
     codegen.generate(ROOT / "examples" / problem["model"], folder, compile=False, functions=FUNCTIONS)
     solver = codegen.load(folder)
     native = type("ByHand", (Native,), {"equations": staticmethod(problem["native"])})
+    in_c = compiled(problem["native"](), folder.with_name(f"{folder.name}_native"))
+    native_in_c = type("ByHandInC", (Native,), {"equations": staticmethod(lambda: in_c)})
     contestants = {
         f"exact, {n} design parameters": (stated(Collocation, solver, problem, n), "exact") for n in (0, 1, 2, 3, 4)
     }
     contestants["quasi-Newton, 2 design parameters"] = stated(Collocation, solver, problem, 2), "limited-memory"
     contestants["native CasADi, exact, 2 design parameters"] = stated(native, solver, problem, 2), "exact"
+    contestants["native CasADi compiled, exact, 2 design parameters"] = stated(native_in_c, solver, problem, 2), "exact"
     first = {n: p.prepared(hessian=h) for n, (p, h) in contestants.items()}
     found: dict[str, list[Any]] = {n: [] for n in contestants}
     cpu: dict[str, list[float]] = {n: [] for n in contestants}
@@ -202,7 +221,7 @@ def measured(name: str, folder: Path, turns: int) -> list[str]:
             found[n].append(outcome(solve))
             cpu[n].append(time.thread_time() - began)
     reference = found["exact, 2 design parameters"][0].value
-    for n in ("quasi-Newton, 2 design parameters", "native CasADi, exact, 2 design parameters"):
+    for n in (n for n in contestants if not n.startswith("exact")):
         off = abs(found[n][0].value - reference) / abs(reference)
         print(f"{name}: {n}: optimum {found[n][0].value:.10g}, {off:.1e} from the exact one", flush=True)
     rows = []

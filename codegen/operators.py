@@ -46,31 +46,14 @@ class Derived(NamedTuple):
 
 
 FUNCTIONS = {
-    "accelerations": Derived(
-        "udot",
-        "sensitivities",
-        "sensitivities_transposed",
-        "dudot",
-    ),
+    "accelerations": Derived("udot", "sensitivities", "sensitivities_transposed", "dudot"),
     "coordinate_rates": Derived(
         "qdot", "coordinate_rate_sensitivities", "coordinate_rate_sensitivities_transposed", "dqdot"
     ),
-    "outputs": Derived(
-        "outputs",
-        "output_sensitivities",
-        "output_sensitivities_transposed",
-        "doutputs",
-    ),
-    "energies": Derived(
-        "energy",
-        "energy_sensitivities",
-        "energy_sensitivities_transposed",
-        "denergy",
-    ),
+    "outputs": Derived("outputs", "output_sensitivities", "output_sensitivities_transposed", "doutputs"),
+    "energies": Derived("energy", "energy_sensitivities", "energy_sensitivities_transposed", "denergy"),
     "inverse_dynamics": Derived(
-        "force",
-        "inverse_dynamics_sensitivities",
-        takes=("q", "u", "udot", "p", "inputs", "t"),
+        "force", "inverse_dynamics_sensitivities", takes=("q", "u", "udot", "p", "inputs", "t")
     ),
     "driving_forces": Derived("actuation", "driving_force_sensitivities"),
     "mass_matrix": Derived("M", "mass_matrix_sensitivities", takes=("q", "p", "inputs", "t")),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_once import made
+from learned_solvers import EVERY, MEASURES, SECOND, example
 
 import codegen
 import codegen.jax
@@ -17,27 +17,11 @@ from codegen.operators import FUNCTIONS
 jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'ordernm[jax]'")
 jnp, check_grads = jax.numpy, pytest.importorskip("jax.test_util").check_grads
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 jax.config.update("jax_enable_x64", True)
 
-SECOND = ["accelerations", "sensitivities", "gradients", "hessian_products"]
-EVERY = [
-    *SECOND, "coordinate_rates", "coordinate_rate_sensitivities", "coordinate_rate_gradients", "outputs", "output_sensitivities",
-    "output_gradients", "energies", "energy_sensitivities", "energy_gradients", "inverse_dynamics",
-    "inverse_dynamics_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
-]  # fmt: skip
-MEASURES = [
-    "outputs", "output_sensitivities", "output_gradients", "output_hessian_products", "energies", "energy_sensitivities",
-    "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
-    "inverse_dynamics_hessian_products",
-]  # fmt: skip
 RAISED = (jax.errors.JaxRuntimeError, ValueError)
 """Errors of XLA: the second one where JAX waits for the program."""
 CLOSE = {"atol": 1e-8, "rtol": 1e-8}
-
-
-def example(name: str, folder: Path, functions: list[str], **options: Any) -> codegen.Solver:
-    return made(codegen.load_model(EXAMPLES / f"{name}.yaml"), folder, functions=functions, **options)
 
 
 @pytest.fixture(scope="module")

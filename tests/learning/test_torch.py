@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_once import made
+from learned_solvers import EVERY, MEASURES, SECOND, example
 
 import codegen
 import codegen.torch
@@ -16,23 +16,7 @@ from codegen.operators import FUNCTIONS
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ordernm[torch]'")
 func = pytest.importorskip("torch.func")
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-SECOND = ["accelerations", "sensitivities", "gradients", "hessian_products"]
-EVERY = [
-    *SECOND, "coordinate_rates", "coordinate_rate_sensitivities", "coordinate_rate_gradients", "outputs", "output_sensitivities",
-    "output_gradients", "energies", "energy_sensitivities", "energy_gradients", "inverse_dynamics",
-    "inverse_dynamics_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
-]  # fmt: skip
-MEASURES = [
-    "outputs", "output_sensitivities", "output_gradients", "output_hessian_products", "energies", "energy_sensitivities",
-    "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
-    "inverse_dynamics_hessian_products",
-]  # fmt: skip
 CLOSE = {"eps": 2e-6, "atol": 1e-8, "rtol": 1e-8}
-
-
-def example(name: str, folder: Path, functions: list[str], **options: Any) -> codegen.Solver:
-    return made(codegen.load_model(EXAMPLES / f"{name}.yaml"), folder, functions=functions, **options)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,27 @@
+"""Solvers of examples for the tests of JAX and PyTorch, with the functions that these differentiate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from made_once import made
+
+import codegen
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+SECOND = ["accelerations", "sensitivities", "gradients", "hessian_products"]
+EVERY = [
+    *SECOND, "coordinate_rates", "coordinate_rate_sensitivities", "coordinate_rate_gradients", "outputs", "output_sensitivities",
+    "output_gradients", "energies", "energy_sensitivities", "energy_gradients", "inverse_dynamics",
+    "inverse_dynamics_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
+]  # fmt: skip
+MEASURES = [
+    "outputs", "output_sensitivities", "output_gradients", "output_hessian_products", "energies", "energy_sensitivities",
+    "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
+    "inverse_dynamics_hessian_products",
+]  # fmt: skip
+
+
+def example(name: str, folder: Path, functions: list[str], **options: Any) -> codegen.Solver:
+    return made(codegen.load_model(EXAMPLES / f"{name}.yaml"), folder, functions=functions, **options)
