@@ -131,11 +131,7 @@ def main() -> None:
             parser.error(f"problem {name!r}; allowed are {', '.join(MODELS)}")
         place = folder / MODELS[name]
         if not place.is_dir():
-            ordernm.generate(
-                EXAMPLES / f"{MODELS[name]}.yaml",
-                place,
-                functions="motion,hessian_products,output_hessian_products,jacobians,accelerations",
-            )
+            ordernm.generate(EXAMPLES / f"{MODELS[name]}.yaml", place, functions=FUNCTIONS)
         solver = ordernm.load(place)
         print(
             f"\n{name}\n\n| problem | method | motions | with Hessian | s | value | gradient, or miss of constraints |"
