@@ -168,6 +168,9 @@ class CFunctions:
 class Lines:
     """Writes the lines of one function, or of one routine."""
 
+    takes_modes = True
+    """Whether a function has a parameter for modes of switches if its procedure has one; otherwise they are null."""
+
     def __init__(self, of: CFunctions, procedure: Procedure | None, lanes: bool):
         self.functions = of
         self.memory = of.memory
@@ -228,7 +231,7 @@ class Lines:
         p = self.procedure
         assert p is not None
         values = {**self.bound(p.arguments), **self.bound_results(False)}
-        if p.modes is not None:
+        if p.modes is not None and self.takes_modes:
             values[p.modes.name] = p.modes.name
         head = self.begun(values, copied)
         if along:

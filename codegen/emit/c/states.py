@@ -66,6 +66,8 @@ def widths_of_states(procedures: list[Procedure]) -> dict[int, str]:
 class StateLines(Lines):
     """Writer of the lines of one function over several states: its values and, separately, everything over directions."""
 
+    takes_modes = False
+
     def of(self, step: Step) -> list[str]:
         if isinstance(step, Check):
             base = self.base(step.lanes)

@@ -44,7 +44,7 @@ class FirstCalls(dict[Any, Call]):
 
     def __missing__(self, wanted: str | Wanted) -> Call:
         name, call = wanted if isinstance(wanted, str) else wanted.name, self.calls[wanted]
-        if name in CLOSING:
+        if name in CLOSING or not (name in self.package._functions or name in self.package._composed):
             return call
         self.left -= 1
         if self.left <= 0 and self.package._calls is self:
@@ -66,11 +66,11 @@ class FirstCalls(dict[Any, Call]):
         if closure is None or of_newton is None:
             return
         dropped = package._opened.manifest.get("dropped", [])
-        gaps = np.delete(np.abs(self._at(closure, state)[0]), dropped, axis=-1)
+        gaps = np.delete(np.abs(np.asarray(self._at(closure, state)[0], float)), dropped, axis=-1)
         if not (gaps > OPEN).any():
             return
         try:
-            if (np.abs(self._at(of_newton, state)[0]) <= STAYS).all():
+            if (np.abs(np.asarray(self._at(of_newton, state)[0], float)) <= STAYS).all():
                 return  # only redundant conditions are open, which assembly reports
         except SingularJointError:
             pass  # the loops are open all the same
