@@ -295,28 +295,72 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     if (some) note(m, ORDERNM_PASSES, k);
 }
 
-/* Marks directions as lost that move a switch whose function is zero, for the given reason. */
-static void lose_at_switch(ordernm_motion *m, int k, int why)
+/* Updates for each direction the first and the last time by which it shifts a zero with which the motion begins. */
+static void add_shifts(ordernm_motion *m)
+{
+    for (int j = 0; j < m->nheld; ++j) {
+        const int k = m->held[j];
+        scalar speed;
+        if (!ordernm_begins_at_zero(m, k, &speed) || ordernm_switch_along(m, m->t, m->z, k)) continue;
+        for (int n = 0; n < m->ngroups; ++n)
+            for (int i = n*LANES; i < n*LANES + m->groups[n].used; ++i) {
+                const scalar along = m->switch_along[i], time = along == 0.0 ? 0.0 : along/speed;
+                m->switch_time[i] = fmin(m->switch_time[i], time);
+                m->passing_time[i] = fmax(m->passing_time[i], time);
+            }
+    }
+}
+
+/* Whether a direction shifts all zeros with which the motion begins by the same time; see add_shifts. */
+static int shifts_alike(const ordernm_motion *m, int i)
+{
+    const scalar first = m->switch_time[i], last = m->passing_time[i];
+    return last - first <= AGREE*(fabs(first) + fabs(last));
+}
+
+/* Whether rates at the start are those just before it; finds the shifts of all zeros there, in the modes of both sides. */
+static int begins_smoothly(ordernm_motion *m)
+{
+    scalar *const before = m->error[0], *const after = m->error[1];
+    for (int i = 0; i < m->ngroups*LANES; ++i) m->switch_time[i] = INFINITY, m->passing_time[i] = -INFINITY;
+    add_shifts(m);
+    int status = ordernm_modes_before_start(m);
+    if (!status) add_shifts(m);
+    if (!status) status = ordernm_rates_of(m, m->t, m->z, before, 0, 0, RATES | INTEGRALS);
+    memcpy(m->modes, m->modes_before, m->system->nswitches*sizeof(scalar));
+    if (!status) status = ordernm_rates_of(m, m->t, m->z, after, 0, 0, RATES | INTEGRALS);
+    return !status && !ordernm_rates_jump(m, before, after);
+}
+
+/* Marks directions as lost that move a switch whose function is zero, for the given reason. With `smooth`, directions that shift all
+ * such zeros alike stay. */
+static void lose_at_switch(ordernm_motion *m, int k, int why, int smooth)
 {
     int some = !m->ngroups && !m->results->lost_count;
     if (ordernm_switch_along(m, m->t, m->z, k)) return;
     for (int n = 0; n < m->ngroups; ++n)
         for (int l = 0; l < m->groups[n].used; ++l)
-            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED) lose(m, n, l), some = 1;
+            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED && !(smooth && shifts_alike(m, n*LANES + l)))
+                lose(m, n, l), some = 1;
     if (some) note(m, why, k);
 }
 
-/* Marks directions as lost that move a switch at which the motion begins, if rates jump there. */
+/* Marks directions as lost that move a switch at which the motion begins, if rates jump there. At a point of a smooth table, several
+ * switches change together, and rates jump only where they are shifted apart. */
 void ordernm_lose_at_start(ordernm_motion *m)
 {
-    for (int i = 0; i < m->nheld && (m->ngroups || m->results->lost); ++i)
-        if (ordernm_begins_at_jump(m, m->held[i])) lose_at_switch(m, m->held[i], ORDERNM_BEGINS);
+    int smooth = -1;
+    for (int i = 0; i < m->nheld && (m->ngroups || m->results->lost); ++i) {
+        if (!ordernm_begins_at_jump(m, m->held[i])) continue;
+        if (smooth < 0) smooth = begins_smoothly(m);
+        lose_at_switch(m, m->held[i], ORDERNM_BEGINS, smooth);
+    }
 }
 
 /* Marks directions as lost that move a switch with a jump whose function is zero at a knot of the inputs, and changes its rate there. */
 void ordernm_lose_at_knot(ordernm_motion *m)
 {
-    for (int i = 0; i < m->nbent && (m->ngroups || m->results->lost); ++i) lose_at_switch(m, m->bent[i], ORDERNM_BENDS);
+    for (int i = 0; i < m->nbent && (m->ngroups || m->results->lost); ++i) lose_at_switch(m, m->bent[i], ORDERNM_BENDS, 0);
     m->nbent = 0;
 }
 

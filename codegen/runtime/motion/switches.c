@@ -24,6 +24,9 @@ static const scalar SAME_SPEED = 1e-9;
 
 enum { FEW_REFUSED = 3 };
 
+/* Largest number of passes over switches whose functions depend on the modes of others. */
+enum { PASSES = 8 };
+
 static const scalar TURN_OF_A_STEP = 2.0; /* rad */
 
 static scalar sign_of(scalar x) { return (x > 0.0) - (x < 0.0); }
@@ -271,13 +274,44 @@ static int modes_differ(ordernm_motion *m, int k)
     return !status && ordernm_rates_jump(m, one, other);
 }
 
+/* Whether the function of a switch with a mode is zero where the motion begins; finds its rate. */
+int ordernm_begins_at_zero(ordernm_motion *m, int k, scalar *speed)
+{
+    if (m->modes[k] == 0.0 || ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, speed)) return 0;
+    const scalar x = m->switches[k], value = m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN - fabs(x) : x;
+    return is_zero_at_start(m, value, *speed);
+}
+
 /* Whether the motion begins at the zero of a switch with a mode, and rates jump there. */
 int ordernm_begins_at_jump(ordernm_motion *m, int k)
 {
     scalar speed;
-    if (m->modes[k] == 0.0 || ordernm_switch_speed(m, m->t, m->z, m->rate[0], k, &speed)) return 0;
-    const scalar x = m->switches[k], value = m->system->switch_kind[k] == ORDERNM_TURN ? HALF_A_TURN - fabs(x) : x;
-    return is_zero_at_start(m, value, speed) && modes_differ(m, k);
+    return ordernm_begins_at_zero(m, k, &speed) && modes_differ(m, k);
+}
+
+/* Gives switches the modes of a motion just before its start, and stores those of the start in m->modes_before. Functions are evaluated
+ * in several passes, because those that jump at the start, as mod does at the seam of a table, move the zeros of others. */
+int ordernm_modes_before_start(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    scalar *const before = m->switches_kept, speed;
+    const size_t size = s->nswitches*sizeof(scalar);
+    int status = 0, changed = 1;
+    memcpy(m->modes_before, m->modes, size);
+    for (int pass = 0; pass < PASSES && changed && !status; ++pass) {
+        memcpy(before, m->modes, size);
+        for (int i = 0; i < m->nheld; ++i) {
+            const int k = m->held[i];
+            const int zero = ordernm_begins_at_zero(m, k, &speed);
+            if (zero && s->switch_kind[k] == ORDERNM_TURN) before[k] = m->modes_before[k] == m->modes[k] ? ordernm_other_mode(m, k) : m->modes[k];
+            else if (zero) before[k] = speed > 0.0 ? -1.0 : speed < 0.0 ? 1.0 : -m->modes_before[k];
+            else if (m->modes[k] != 0.0 && ordernm_side(m, k) < 0.0) before[k] = ordernm_other_mode(m, k);
+        }
+        changed = memcmp(m->modes, before, size) != 0;
+        memcpy(m->modes, before, size);
+        status = ordernm_switching(m, m->t, m->z);
+    }
+    return status;
 }
 
 /* A switching function has an extremum at zero, at the state in m->trial: there are no derivatives if rates jump there. */
