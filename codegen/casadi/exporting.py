@@ -189,10 +189,9 @@ def _generated(model: Model, names: Sequence[str], package: Path, progress: Prog
             generate(model, package, functions=[*needed, *second], **options)
             return
         except UnknownFunctionError as error:
-            lacking = [n for n in second if repr(n) in str(error)]
-            if not lacking:
+            if error.function not in second:
                 raise
-            second = [n for n in second if n not in lacking]
+            second.remove(error.function)
 
 
 def _shown(f: Bridged) -> str:

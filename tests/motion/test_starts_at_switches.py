@@ -223,3 +223,34 @@ def test_results_at_the_time_of_a_switch_have_a_warning(made: Callable[..., Made
         solver.simulate([0.0, 0.5, 1.0], sensitivities=["c", "q0.timed"], method=integrator)
         solver.simulate([0.0, 0.5, 1.0], method=integrator)
     np.testing.assert_allclose(run.du[0, 1:, 0], [0.0, 1.0, 1.0], atol=1e-9)
+
+
+TOGETHER = """
+model: together
+parameters: {a: 0.0, b: 0.0}
+bodies:
+  cancel: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  cancel: {type: joint, joint: cancel, value: "sign(q.cancel - a) - sign(q.cancel - b)"}
+initial: {u: {cancel: 2}}
+outputs:
+  x: {position: cancel, axis: x}
+  work: {value: "u.cancel"}
+"""
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+@pytest.mark.parametrize("adjoint", ["forward", "adjoint"])
+def test_a_start_at_two_jumps_that_cancel(made: Callable[..., Made], method: str, adjoint: str) -> None:
+    """If both are shifted, the force stays zero; if one is shifted, a force acts on the way between them."""
+    solver: Any = made(parsed, TOGETHER).solver
+    with pytest.warns(RuntimeWarning, match="derivatives of the motion by [ab] do not exist and are NaN"):
+        found = solver.judge(
+            0.5,
+            [Final("x"), Final("work")],
+            wrt=["a", "b", "q0.cancel", "u0.cancel"],
+            integrator=method,
+            method=adjoint,
+        )
+    assert np.isnan(found.gradients[:, :2]).all()
+    assert found.gradients[:, 2:] == pytest.approx(np.array([[1, 0.5], [0, 1]]), abs=1e-12)

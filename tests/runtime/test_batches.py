@@ -375,3 +375,31 @@ def test_quaternions_of_a_large_batch_are_checked_in_c(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"quaternion .* has length 0, expected at least 1e-06"):
         q[117, first : first + 4] = 0.0
         solver.accelerations(q, u)
+
+
+BRANCHES = """
+model: branches
+parameters: {s: 0.2, c: 3.0, k: 40.0}
+inputs: [push]
+bodies:
+  slide: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  arm: {parent: slide, joint: {type: revolute, axis: y}, mass: 2, com: [0, 0, -0.4], inertia: {yy: 0.1}}
+forces:
+  stop: {type: joint, joint: slide, value: "if(q.slide > s, -k*(q.slide - s), c*push) - c*sign(u.slide)*abs(q.arm)"}
+  swing: {type: joint, joint: arm, value: "k*max(0, q.arm - s)*u.arm"}
+"""
+
+
+def test_states_on_both_sides_of_branches_have_the_gradients_of_single_calls(tmp_path, monkeypatch):
+    """With motions in the package, functions have variants that hold branches; those over several states have none."""
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    functions = "accelerations,sensitivities,gradients,motion"
+    codegen.generate(codegen.parse_model(BRANCHES), tmp_path / "branches", functions=functions)
+    solver, draw, n = codegen.load(tmp_path / "branches"), np.random.default_rng(3), 203
+    (q, u), inputs, weights = draw.normal(size=(2, n, 2)), draw.normal(size=(n, 1)), draw.normal(size=(3, n, 2))
+    found = solver.gradients(q, u, None, inputs, weights=weights)
+    assert any(key.startswith("states") for key in solver._target.batches._libraries)
+    for i in range(n):
+        one = solver.gradients(q[i], u[i], None, inputs[i], weights=weights[:, i])
+        for a, b in zip(found, one, strict=True):
+            np.testing.assert_allclose(a[:, i], b, rtol=0, atol=1e-14 * max(1.0, np.abs(b).max(initial=0.0)))

@@ -58,7 +58,18 @@ REACTIONS = ("reactions", "reaction_sensitivities")
 
 
 class UnknownFunctionError(ValueError):
-    """A selected function does not exist for the model."""
+    """A selected function does not exist for the model.
+
+    Parameters
+    ----------
+    message : str
+    function : str
+        The function, as selected; empty if none was.
+    """
+
+    def __init__(self, message: str, function: str = "") -> None:
+        super().__init__(message)
+        self.function = function
 
 
 def asks_reactions(functions: Collection[str] | None) -> bool:
@@ -80,7 +91,8 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
             close = difflib.get_close_matches(word, [*known, *together], 1)
             raise UnknownFunctionError(
                 f"functions: the model has no function {word!r}{f'; did you mean {close[0]}?' if close else ''}; available are "
-                f"{', '.join(known)}, and the groups {', '.join(together)}"
+                f"{', '.join(known)}, and the groups {', '.join(together)}",
+                word,
             )
         wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
     if not functions:

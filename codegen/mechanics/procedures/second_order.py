@@ -198,7 +198,7 @@ def second_order(w: Shared, asked: Collection[str]) -> tuple[Procedure, ...]:
     for name, (needs, make) in SECOND_ORDER.items():
         missing = needs(w)
         if missing and name in asked:
-            raise UnknownFunctionError(f"functions: {name} needs {missing}; leave it out")
+            raise UnknownFunctionError(f"functions: {name} needs {missing}; leave it out", name)
         if not missing:
             found.append(make(w))
     return tuple(found)

@@ -311,11 +311,11 @@ static void add_shifts(ordernm_motion *m)
     }
 }
 
-/* Whether a direction shifts all zeros with which the motion begins by the same time; see add_shifts. */
+/* Whether a direction shifts all zeros with which the motion begins by the same time, which is infinite for one at rest; see add_shifts. */
 static int shifts_alike(const ordernm_motion *m, int i)
 {
-    const scalar first = m->switch_time[i], last = m->passing_time[i];
-    return last - first <= AGREE*(fabs(first) + fabs(last));
+    const scalar first = m->switch_time[i], last = m->passing_time[i], size = fabs(first) + fabs(last);
+    return size < INFINITY && last - first <= AGREE*size;
 }
 
 /* Whether rates at the start are those just before it; finds the shifts of all zeros there, in the modes of both sides. */

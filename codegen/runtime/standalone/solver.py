@@ -101,9 +101,9 @@ class Solver(Package):
             of_redundancy.watch_calls()
             self._watch = of_redundancy.look_at_directions
         if self.closure_names:
-            from .assembly.open_states import FirstCalls
+            from .assembly.open_states import OpenStates
 
-            FirstCalls(self)
+            self._look_at_state = OpenStates(self).look
         if "scalar" in self._manifest and "assemble" not in self.__dict__:
             from .trust.single_precision import InDouble
 

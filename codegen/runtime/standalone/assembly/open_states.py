@@ -11,7 +11,6 @@ import numpy as np
 from ..arrays import Array
 from ..calls.functions import STATE, Function, Wanted
 from ..calls.package import Package
-from ..calls.single_calls import Call
 from ..errors import SingularJointError
 from ..warning import warn
 
@@ -22,9 +21,6 @@ CLOSING = frozenset({
 """Functions whose states are not tested: they report residuals themselves, or belong to assembly, which has its own
 warnings."""
 
-FIRST = 100
-"""Number of calls that are tested. Later calls cost nothing."""
-
 OPEN = 1e-3
 """Residual, in characteristic lengths or rad, above which a loop counts as open. Rounded coordinates and steps of finite
 differences stay below it."""
@@ -33,31 +29,27 @@ STAYS = 1e-6
 """Largest step of Newton's method, rad or m, at which only conditions are open that the dependents cannot meet."""
 
 
-class FirstCalls(dict[Any, Call]):
-    """The first direct calls of a solver. They warn of an open loop if coordinates or parameters are given by name, or
-    coordinates as a list: values that a user has typed, and has not assembled."""
+class OpenStates:
+    """Warns of an open loop if coordinates or parameters are given by name, or coordinates as a list: values that a user
+    has typed, and has not assembled. Arrays are used without this test, which would take longer than most functions.
+
+    Parameters
+    ----------
+    package : Package
+    """
 
     def __init__(self, package: Package):
-        super().__init__()
-        self.package, self.calls, self.left = weakref.proxy(package), package._calls, FIRST
-        package._calls = self
+        self.package = weakref.proxy(package)
 
-    def __missing__(self, wanted: str | Wanted) -> Call:
-        name, call = wanted if isinstance(wanted, str) else wanted.name, self.calls[wanted]
-        if name in CLOSING or not (name in self.package._functions or name in self.package._composed):
-            return call
-        self.left -= 1
-        if self.left <= 0 and self.package._calls is self:
-            self.package._calls = self.calls
-
-        def tested(given: tuple[Any, ...], seeds: tuple[Any, ...] | None = None, out: Any = None) -> Any:
-            state = dict(zip(STATE, given, strict=False))
-            q = state["q"]
-            if q is not None and (not isinstance(q, np.ndarray) or isinstance(state["p"], Mapping)):
-                self._look_at(state)
-            return call(given, seeds, out)
-
-        return tested
+    def look(self, wanted: str | Wanted, given: tuple[Any, ...]) -> None:
+        """Warns if a state that a user has typed does not close the loops."""
+        package, name = self.package, wanted if isinstance(wanted, str) else wanted.name
+        if name in CLOSING or not (name in package._functions or name in package._composed):
+            return
+        state = dict(zip(STATE, given, strict=False))
+        q = state["q"]
+        if q is not None and (not isinstance(q, np.ndarray) or isinstance(state["p"], Mapping)):
+            self._look_at(state)
 
     def _look_at(self, state: Mapping[str, Any]) -> None:
         """Warns if a state does not close the loops."""

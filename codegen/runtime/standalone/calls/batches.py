@@ -221,7 +221,9 @@ class Batches:
 
     def _opened(self, number: int) -> Any:
         declared = ""
-        if not any(key.startswith("states") for key in self._libraries):  # types declared twice would differ
+        if not any(
+            key.startswith("states") and made for key, made in self._libraries.items()
+        ):  # types declared twice would differ
             declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
         instead = "the states of a batch are computed one after another"
         return self._apart("states", declared, instead, number=number)

@@ -51,6 +51,8 @@ class Package:
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
     """Warns if no derivative exists along a direction."""
+    _look_at_state: Callable[[str | Wanted, tuple[Any, ...]], None] | None = None
+    """Warns if a state that a user has typed leaves loops open."""
     _threads: int | None = None
     _bad_states = "error"
 
@@ -305,9 +307,15 @@ class Package:
         """
         if self._watched:
             self._look_at_directions(wanted, given, seeds)
+        look = self._look_at_state
+        if look is not None and (type(given[0]) is not np.ndarray or dict in map(type, given)):
+            look(wanted, given)
+            look = None
         found = self._calls[wanted](given, seeds, out)
         if found is not None:
             return found
+        if look is not None:  # parameters may be a mapping of another type
+            look(wanted, given)
         opened, name = self._opened, wanted if isinstance(wanted, str) else wanted.name
         if name in self._composed and name not in opened.functions:
             return self._composed[name](given, seeds, out)
