@@ -77,7 +77,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         if force or not found:
             return found
         raise FolderError(
-            f"{folder} contains files that generate did not write; choose another folder with -o, or --force to replace "
+            f"{folder} contains files that generate did not write; choose another folder with -o, or use --force to replace "
             f"files of the same names and keep the others"
         )
     others = "|".join(OTHERS)
@@ -88,7 +88,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     if foreign and not force:
         raise FolderError(
             f"{folder} contains {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''} besides generated files, which "
-            f"would be lost; move them away, choose another folder with -o, or --force to keep them"
+            f"would be lost; move them away, choose another folder with -o, or use --force to keep them"
         )
     return foreign
 

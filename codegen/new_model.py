@@ -57,7 +57,7 @@ def _write(path: Path, starter: str, force: bool) -> None:
         raise Failure(f"{path.stem!r} is not a valid model name; choose a file name such as pendulum.yaml") from None
     try:
         if os.path.lexists(path) and not force:
-            raise Failure(f"{path} exists; choose another name, or --force to replace it")
+            raise Failure(f"{path} exists; choose another name, or use --force to replace it")
         write_whole(path, lambda file: file.write(text.encode()))
     except OSError as error:
         raise Failure(f"cannot write {path}: {error.strerror or error}") from None

@@ -41,8 +41,7 @@ LOST = ("KilledWorker",)
 """Errors of Dask for a lost worker, after which Dask continues."""
 
 IN_VAIN = 3
-"""If this number of executors in a row end on single cases without any result, cases are no longer recorded as the
-cause."""
+"""The sweep ends early after this number of successive executors that died on a single case and gave no result."""
 
 SAME_ERROR = 8
 """A sweep is given up after this number of cases that all fail by errors in the measure."""

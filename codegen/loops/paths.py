@@ -101,7 +101,9 @@ class PoseGroups(Groups):
 
 
 class TwistGroups(Groups):
-    """Groups with the relative twists of K motions, from the speeds of known joints and from additional motions `own`.
+    """Groups of bodies, with the relative twists of their bodies in K motions.
+
+    The twists follow from the speeds of joints that are known, and from the additional motions `own`.
 
     Attributes
     ----------

@@ -93,8 +93,8 @@ def _refuse_foreign(target: Path, names: set[str], force: bool) -> None:
     foreign = sorted({p.name for p in target.glob("*")} - names - {pages.PAGE})
     if foreign and not force:
         raise FolderError(
-            f"{target} contains files that no gallery wrote: {', '.join(foreign[:5])}. Choose another folder with -o, or --force "
-            f"to keep them there"
+            f"{target} contains files that no gallery wrote: {', '.join(foreign[:5])}. Choose another folder with -o, "
+            f"or use --force to keep them there"
         )
     for name in sorted(names):
         pages.refuse_foreign(target / name, force)

@@ -57,7 +57,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
         several = [*foreign, *(f"{n} (changed since)" for n in changed)]
         raise FolderError(
             f"{folder} contains files that no report wrote: {', '.join(several[:5])}{', ...' if len(several) > 5 else ''}. "
-            f"Choose another folder with -o, or --force to replace the files of a report in it"
+            f"Choose another folder with -o, or use --force to replace the report in it"
         )
     return foreign
 

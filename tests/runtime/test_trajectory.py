@@ -157,9 +157,9 @@ def test_what_is_left_out():
     assert x.dq.shape == (0, 3, 1) and x.outputs.shape == (3, 0) and x.doutputs.shape == (0, 3, 0)
     assert x.p is x.inputs is x.energy is x.closure is x.energy_drift is x.closure_drift is None
     assert x.ended == "unknown" and "ended: unknown" in repr(x)
-    with pytest.raises(ValueError, match=r"dq is left out, expected shape \(1, 3, 1\)"):
+    with pytest.raises(ValueError, match=r"dq is missing; give an array of shape \(1, 3, 1\)"):
         Trajectory("m", t, t[:, None], t[:, None], sensitivity_names=("p",), **names)
-    with pytest.raises(ValueError, match="outputs is left out"):
+    with pytest.raises(ValueError, match="outputs is missing"):
         Trajectory("m", t, t[:, None], t[:, None], output_names=("x",), **names)
 
 

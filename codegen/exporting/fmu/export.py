@@ -211,7 +211,7 @@ def _refuse_file(path: Path, force: bool) -> None:
         if f'generationTool="{TOOL.split()[0]} ' in archive.read("modelDescription.xml").decode("utf-8", "replace"):
             return
     raise FolderError(
-        f"{path} is a file that ordernm did not write; choose another name with -o, or --force to replace it"
+        f"{path} is a file that ordernm did not write; choose another name with -o, or use --force to replace it"
     )
 
 

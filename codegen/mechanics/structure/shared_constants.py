@@ -39,7 +39,7 @@ class SharedConstants:
         return self.shape.parameters
 
     def number(self, name: str) -> Expr | None:
-        """Value of a constant that is the same for all owners; None if it is data."""
+        """Value of a constant that is the same for all owners; None if it is read from the owner's data."""
         if name in self.shape.varying:
             return None
         if name in self.shape.fixed:

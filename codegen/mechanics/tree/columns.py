@@ -1,9 +1,9 @@
 """Columns of Jacobians and mass matrices, all at once: every link computes only the columns that concern it.
 
-A column belongs to a coordinate or a speed of one link. Given the factors of the triangularization and the response to
-rotation (`turning`), nothing of the inverse dynamics is differentiated along it:
+A column belongs to a coordinate or a speed of one link. It needs the factors of the triangularization and the response
+to rotation (`turning`), but no derivative of the inverse dynamics:
 
-    inward    from its own link on, the force P that it causes: r = -P^T P_k, propagated as in Eq. 45
+    inward    from its own link, the force P that the column causes: r = -P^T P_k, propagated as in Eq. 45
     outward   on links that it does not rotate, ``d udot = r/D - G . (X dA_pr)``, as for any right side (Eqs. 53-55)
     outward   on its own link and those outboard, ``- t . dw_pr`` too, and ``dA = X dA_pr + C dw_pr + P d udot``
 

@@ -103,7 +103,7 @@ static int touched(ordernm_motion *m, scalar h, scalar part, int e)
  * Returns the status of a function. */
 static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar *x, scalar *y, int *n)
 {
-    int status, i = 1; /* the next place */
+    int status, i = 1; /* the first known place at or after `turn` */
     while (i < *n - 1 && x[i] < turn) ++i;
     if (i > 1 && turn - x[i - 1] < SAME_PLACE) {
         --i;

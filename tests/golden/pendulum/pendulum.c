@@ -92,12 +92,12 @@ enum {
 #endif
 #define NOTHING (LANES){0}
 
-/* Indices in near, the scratch memory of neighbouring links. In kinematics. */
+/* Indices in the array `near`, scratch memory that neighbouring links share. In kinematics. */
 enum {
     KINEMATICS_ACCELERATION_Z, /* acceleration of the origin with udot = 0; along directions: tangent of the total, m/s^2 */
 };
 
-/* Indices in near, the scratch memory of neighbouring links. In balance_out. */
+/* Indices in the array `near`, scratch memory that neighbouring links share. In balance_out. */
 enum {
     BALANCE_OUT_TOTAL_ACCELERATION_Z, /* acceleration of the origin, total, m/s^2 */
 };

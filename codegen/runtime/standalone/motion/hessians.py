@@ -343,8 +343,10 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
 
 
 def _changed(of: _Tangents, later: Array) -> tuple[Array, Array, Array]:
-    """Continue gradients and their changes backwards over a change of independent coordinates, from those after it
-    (1 + r, nq + nu) to those before it: by the independent entries (1 + r, free), the parameters and the inputs."""
+    """Gradients and their changes before a change of independent coordinates, from those after it (1 + r, nq + nu).
+
+    They are with respect to the independent entries (1 + r, free), the parameters and the inputs.
+    """
     nq, free, n_p = of.functions.nq, len(of.free), of.functions.np
     by = {
         seed: (later[:1, part], later[1:, part].T[None])

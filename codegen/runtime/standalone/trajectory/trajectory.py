@@ -812,7 +812,7 @@ def _shaped(name: str, value: ArrayLike | None, shape: Shape, may_lack: bool = F
     if value is None:
         if may_lack:
             return np.zeros(shape)
-        raise ValueError(f"{name} is left out, expected shape {shape}")
+        raise ValueError(f"{name} is missing; give an array of shape {shape}")
     found = np.asarray(value, dtype=np.float64)
     if found.shape != shape:
         raise ValueError(f"{name} has shape {found.shape}, expected {shape}")
