@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import mpmath
 import numpy as np
 
 from ..loops.partition import Partition
@@ -128,7 +127,7 @@ class Arguments(ABC):
         value = self.arithmetic.array(value)
         if value.shape != (n,):
             raise ValueError(f"{name} has shape {value.shape}, expected ({n},)")
-        if not self.arithmetic.symbolic and any(map(mpmath.isnan, value)):
+        if not self.arithmetic.symbolic and any(map(self.arithmetic.is_nan, value)):
             raise ValueError(f"{name} holds NaN: {value}")
         tangent = self.arithmetic.zeros(k, n) if seed is None else seed
         if tangent.shape != (k, n):
@@ -136,12 +135,10 @@ class Arguments(ABC):
         return Pair(value[:, None], tangent[..., None])
 
     def _seeds(self, allowed: Sequence[str], given: Mapping[str, Any]) -> dict[str, Array]:
-        """All seeds of a method with a common number of directions k; missing ones are zero."""
+        """All seeds of a method in order, with a common number of directions k; missing ones are zero."""
         if wrong := [name for name in given if name not in allowed]:
             raise TypeError(f"seeds {', '.join(wrong)} are not known here; {', '.join(allowed)} are")
         seeds = {name: given.get(name) for name in allowed}
-        n = {"dq": self.given.nq} | dict.fromkeys(("du", "dudot", "db"), self.given.nu)
-        n |= {"dp": len(self.model.parameters), "dinputs": len(self.model.inputs)}
         arrays: dict[str, Array] = {}
         for name, seed in seeds.items():
             if seed is not None:
@@ -155,11 +152,18 @@ class Arguments(ABC):
         first = next(iter(arrays))
         k = len(arrays[first])
         for name in seeds:
-            shape = (k,) if name == "dt" else (k, n[name])
+            shape = (k,) if name == "dt" else (k, self._seed_size(name))
             array = arrays.setdefault(name, self.arithmetic.zeros(*shape))
             if array.shape != shape:
                 raise ValueError(f"{name} has shape {array.shape}, expected {shape}: {first} has {k} directions")
-        return arrays
+        return {name: arrays[name] for name in allowed}
+
+    def _seed_size(self, name: str) -> int:
+        """Number of entries of a seed, without the directions."""
+        of_arguments = {
+            "dq": self.given.nq, "dp": len(self.model.parameters), "dinputs": len(self.model.inputs), "dt": 1,
+        }  # fmt: skip
+        return of_arguments.get(name, self.given.nu)
 
     def _udot(self, state: State, udot: Any, dudot: Any) -> Pair:
         found = self._of_speeds("udot", udot, dudot, state.pairs)

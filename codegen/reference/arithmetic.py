@@ -102,6 +102,14 @@ class Arithmetic:
         """x**y for numbers; NaN if there is no real value."""
         return _real(x**y)
 
+    def is_nan(self, x: Any) -> bool:
+        """Whether a number is not a number."""
+        return bool(mpmath.isnan(x))
+
+    def held(self, x: Array) -> Array:
+        """The same numbers as constants; overridden by `DualArithmetic`, whose numbers have derivatives."""
+        return x
+
     def value_of(self, expression: Expression, values: Mapping[str, Any]) -> Any:
         """Value of a model's expression without derivatives; `codegen.symbolic` overrides it, and `Pairs` evaluates numbers."""
         raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")

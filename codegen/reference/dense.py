@@ -66,7 +66,7 @@ class DenseEngine(Engine):
         if not self.model.loops:
             return self._accelerated(M, K, held, given)[:nu], pairs.zeros(0, 1)
         known = self._conditions(state)
-        J = known.jacobian.value
+        J = self.arithmetic.held(known.jacobian.value)
         C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
         # combinations of the conditions with orthonormal rows: the system is then as well conditioned as M
         inverse = LeftInverse(self.arithmetic, (C @ J).T)
@@ -235,6 +235,7 @@ class DenseEngine(Engine):
         SingularMatrixError
             If the conditions do not determine the dependent speeds, or if they cannot all be satisfied by these speeds.
         """
+        jacobian = self.arithmetic.held(jacobian)
         self._check_rank(jacobian)
         place = {int(s): i for i, s in enumerate(self.dependent)}
         kept = {int(i) for i in self.kept}

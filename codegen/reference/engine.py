@@ -7,7 +7,8 @@ This module contains no mechanics. An engine implements the methods that begin w
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -24,6 +25,7 @@ from .forces import LAWS, End, Wrench
 from .outputs import VALUES, Moving, Seen
 from .pairs import Pair, Pairs
 from .primitives import placed_rotation
+from .second_order import DualArithmetic
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,8 @@ class Engine(Arguments):
     array([[ 16.333, -17.918]])
     >>> engine.gradients([1.2, -0.4], [0, 0], weights=[0, 1])[2].round(3)
     array([[-17.918, -31.526,  -1.793,  -7.936,   5.313,   0.   ]])
+    >>> engine.hessian_products([1.2, -0.4], [0, 0], weights=[0, 1], dq=[1, 0])[0].round(3)
+    array([[-21.954,  26.433]])
     """
 
     # --- public methods -------------------------------------------------------------------------------------------
@@ -137,13 +141,17 @@ class Engine(Arguments):
 
     def _partials(self, along: Callable[..., Array]) -> Jacobians:
         """All partial derivatives of a function, from its derivatives along unit seeds, (k, n)."""
-        sizes = (self.given.nq, self.given.nu, len(self.model.parameters), len(self.model.inputs), 1)
-        start = np.cumsum((0, *sizes))
-        seeds = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
-        dq, du, dp, dinputs, dt = seeds
-        derivatives = along(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt[:, 0])
-        by_q, by_u, by_p, by_inputs, by_t = (derivatives[a:b].T for a, b in pairwise(start))
+        by_q, by_u, by_p, by_inputs, by_t = self._by_arguments(along, ALONG)
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
+
+    def _by_arguments(self, along: Callable[..., Array], names: tuple[str, ...]) -> list[Array]:
+        """The partial derivatives (n, size) by each argument; `names` are those of their seeds, dt the last."""
+        start = np.cumsum([0, *(self._seed_size(name) for name in names)])
+        units = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
+        seeds = dict(zip(names, units, strict=True))
+        seeds["dt"] = seeds["dt"][:, 0]
+        derivatives = along(**seeds)
+        return [derivatives[a:b].T for a, b in pairwise(start)]
 
     def gradients(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any) -> Gradients:
         """Return gradients of ``sum_i weights_i udot_i``."""
@@ -172,6 +180,78 @@ class Engine(Arguments):
         """Return gradients of weighted sums of the time derivatives of the coordinates."""
         along = self._partials(lambda **seeds: self.coordinate_rate_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
+
+    # --- second derivatives ---------------------------------------------------------------------------------------
+
+    def hessian_products(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
+    ) -> Gradients:
+        """Return the changes of `gradients` along seeds: products of the Hessian of the weighted sum."""
+        return self._changed("gradients", (q, u, p, inputs, t), weights, seeds)
+
+    def output_hessian_products(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
+    ) -> Gradients:
+        """Return the changes of `output_gradients` along seeds."""
+        return self._changed("output_gradients", (q, u, p, inputs, t), weights, seeds)
+
+    def energy_hessian_products(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
+    ) -> Gradients:
+        """Return the changes of `energy_gradients` along seeds."""
+        return self._changed("energy_gradients", (q, u, p, inputs, t), weights, seeds)
+
+    def coordinate_rate_hessian_products(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
+    ) -> Gradients:
+        """Return the changes of `coordinate_rate_gradients` along seeds."""
+        return self._changed("coordinate_rate_gradients", (q, u, p, inputs, t), weights, seeds)
+
+    def inverse_dynamics_hessian_products(
+        self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
+    ) -> tuple[Array, ...]:
+        """Return products of the Hessian of weighted forces of `inverse_dynamics`: by q, u, udot, p, inputs and t."""
+        self._trees_only("inverse_dynamics_hessian_products")
+        names = ("dq", "du", "dudot", "dp", "dinputs", "dt")
+
+        def gradient(engine: Engine, *at: Any) -> tuple[Array, ...]:
+            def along(**units: Any) -> Array:
+                return engine.inverse_dynamics_sensitivities(*at, **units)[1]
+
+            *found, by_t = (self.arithmetic.array(weights) @ x for x in engine._by_arguments(along, names))
+            return *found, by_t[0]
+
+        return self._changes(gradient, (q, u, udot, p, inputs, t), self._seeds(names, seeds))
+
+    def _changed(self, name: str, at: tuple[Any, ...], weights: Any, seeds: Mapping[str, Any]) -> Gradients:
+        """The changes of the gradients that a method returns."""
+
+        def gradient(engine: Engine, *at: Any) -> tuple[Array, ...]:
+            return tuple(x[0] for x in getattr(engine, name)(*at, weights=self.arithmetic.array(weights)))
+
+        by_q, by_u, by_p, by_inputs, by_t = self._changes(gradient, at, self._seeds(ALONG, seeds))
+        return by_q, by_u, by_p, by_inputs, by_t
+
+    def _changes(
+        self, of: Callable[..., tuple[Array, ...]], at: tuple[Any, ...], given: dict[str, Array]
+    ) -> tuple[Array, ...]:
+        """The changes of gradients along each direction, computed with duals of this engine's numbers."""
+        numbers = DualArithmetic(self.arithmetic)
+        other = copy(self)
+        other.arithmetic = numbers
+        *state, p, inputs, t = at
+        p = [x.value for x in self.model.parameters] if p is None else p
+        inputs = np.zeros(len(self.model.inputs), int) if inputs is None else inputs
+        if self.model.loops:
+            q, u = state
+            u, given["dq"], given["du"] = self.complete(q, u, p, inputs, t, **given)
+            state = [q, u]
+        values = dict(zip(given, (*state, p, inputs, t), strict=True))
+        found = []
+        for j in range(len(given["dt"])):
+            along = [numbers.duals(x, given[name][j]) for name, x in values.items()]
+            found.append([numbers.along(x) for x in of(other, *along)])
+        return tuple(np.stack(parts) for parts in zip(*found, strict=True))
 
     def mass_matrix(self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """Return the mass matrix of Eq. 4 over all speeds of the tree, without the conditions of loops."""
