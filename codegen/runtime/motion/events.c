@@ -13,8 +13,9 @@ static const scalar BEHIND = 1e-300;
 enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
 static const scalar SAME_PLACE = 1e-7; /* relative to the step */
 
-/* Largest extremum, relative to the range of the switching function in the step, that counts as touching zero. */
-static const scalar TOUCHING = 1e-12;
+/* Extrema relative to the range of the switching function in the step: those below TOUCHING touch zero; those below NEAR are compared with
+ * the errors of the function. */
+static const scalar TOUCHING = 1e-12, NEAR = 0.1;
 
 /* If rates at an event are undefined, the step ends at one of these positions after the event, relative to the step. */
 enum { PLACES_BEHIND = 3 };
@@ -82,20 +83,18 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
     return 0;
 }
 
-/* Whether a switching function has an extremum at zero at one of n places; not tested without derivatives. */
-static int touches(const ordernm_motion *m, int e, const scalar *y, int i, int n)
+/* Looks at an extremum of a switching function on the side of its mode, the place i of n. If the function is zero there, or if errors of the
+ * state may exceed its value, the motion touches the switch; not tested without derivatives. Returns the status of a function. */
+static int look_at_touch(ordernm_motion *m, scalar h, int e, const scalar *x, const scalar *y, int i, int n)
 {
-    const int k = e - m->problem->nevents;
-    if (k < 0 || m->system->switch_kind[m->held[k]] > ORDERNM_ROOT || !(m->ngroups || m->results->steps)) return 0;
+    const int number = e - m->problem->nevents, k = number < 0 ? 0 : m->held[number];
+    if (number < 0 || m->system->switch_kind[k] > ORDERNM_ROOT || !(m->ngroups || m->results->steps)) return 0;
     scalar range = 0.0;
     for (int j = 0; j < n; ++j) range = fmax(range, fabs(y[j]));
-    return y[i] >= 0.0 && y[i] <= TOUCHING*range && y[i - 1] > y[i] && y[i + 1] > y[i];
-}
-
-static int touched(ordernm_motion *m, scalar h, scalar part, int e)
-{
-    const int status = within(m, h, part, m->within);
-    if (!status) ordernm_touch(m, m->t + part*h, m->held[e - m->problem->nevents]);
+    if (!(y[i] >= 0.0 && y[i] <= NEAR*range && y[i - 1] > y[i] && y[i + 1] > y[i])) return 0;
+    int status = within(m, h, x[i], m->within);
+    if (!status && y[i] > TOUCHING*range) status = ordernm_find_switch_errors(m, m->t + x[i]*h, m->trial);
+    if (!status && (y[i] <= TOUCHING*range || y[i] <= ordernm_switch_error(m, k))) ordernm_touch(m, m->t + x[i]*h, k);
     return status;
 }
 
@@ -121,7 +120,7 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
         if ((status = nearest(m, h, e, place, value))) return status;
         x[i] = place[1], y[i] = value[1];
     }
-    return touches(m, e, y, i, *n) ? touched(m, h, x[i], e) : 0;
+    return look_at_touch(m, h, e, x, y, i, *n);
 }
 
 /* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. Returns 0 if there
@@ -271,13 +270,6 @@ static scalar pace(const ordernm_motion *m, scalar h, int e)
     return (high - low)/h;
 }
 
-/* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the current modes. */
-static int describe(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
-{
-    const int status = ordernm_report(m, t, z, row);
-    return status ? status : ordernm_report_rates(m, t, z, row + ordernm_row_size(m->problem));
-}
-
 /* An event at a pose where a loop has lost rank, at which no step can end: its row is interpolated. If the motion does not stop there,
  * the step continues beyond the pose. */
 static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *step)
@@ -285,7 +277,7 @@ static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *st
     const ordernm_problem *const p = m->problem;
     step->h = part*whole;
     step->event_time = m->t + step->h;
-    int stop = 0, status = ordernm_beside(m, step->h, describe, ordernm_event_size(p) - 1);
+    int stop = 0, status = ordernm_beside(m, step->h, ordernm_describe, ordernm_event_size(p) - 1);
     if (status) return status;
     scalar cut = fmin(part + CUT_BEHIND, 1.0);
     for (int e = 0; e < m->nwatched; ++e) {
@@ -329,16 +321,18 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         step->event_time = m->t + step->h;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
-    /* all events at this time count as passed, even if rounding has left the output before its level; recent events remain passed */
+    /* all events at this time count as passed, even if rounding has left the output before its level; so do those that the step has passed
+     * because it is more accurate than its interpolant; recent events remain passed */
     for (int e = 0; e < m->nwatched; ++e) {
-        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(m, e, m->crossing[e], m->after[e]))) {
+        const int recent = fabs(m->crossing[e]) == BEHIND && part < 1e-9;
+        if (m->part[e] <= part + 1e-13 || (crosses(m, e, m->crossing[e], m->after[e]) && !recent)) {
             const int way = e < p->nevents ? p->events[e].direction : -1;
             const scalar behind = way ? way : m->crossing[e] < 0.0 ? 1.0 : -1.0;
             m->happened[e] = 1.0;
             if (!(m->row_known && m->after[e]*behind > 0.0)) m->after[e] = behind*BEHIND;
         } else {
             m->happened[e] = 0.0;
-            if (fabs(m->crossing[e]) == BEHIND && part < 1e-9) m->after[e] = m->crossing[e];
+            if (recent) m->after[e] = m->crossing[e];
         }
     }
     for (int e = 0; e < p->nevents; ++e) /* the same output may have events with other directions */
@@ -363,92 +357,13 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
         *stop |= p->events[e].stop;
         if (!r->events) continue;
         scalar *const row = r->events + r->events_count*size;
-        if ((status = describe(m, m->t, m->z, row))) break;
+        if ((status = ordernm_describe(m, m->t, m->z, row))) break;
         scalar *const times = row + size - 1 - p->ndirections;
         for (int k = 0; k < p->ndirections; ++k) times[k] = by_state ? m->switch_time[k/LANES*LANES + k%LANES] : 0.0;
         row[size - 1] = by_state ? ORDERNM_JUMPED_BY_STATE : ORDERNM_JUMPED;
         r->which[r->events_count++] = e;
     }
     return status;
-}
-
-/* ---- Events at the same time as a switch at which rates or outputs jump. ---- */
-
-static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
-
-/* Sets derivatives in an event's row to NaN if they depend on the order of event and switch. `other` is the event's row on the other side
- * of the switch, and `passing` contains derivatives of the switch's time. Returns whether any derivative became NaN. */
-static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scalar *other, const scalar *passing)
-{
-    const ordernm_problem *const p = m->problem;
-    const ordernm_system *const s = m->system;
-    const int n = s->nq + s->nu + s->noutputs, sizes[] = {s->nq, s->nu, s->noutputs};
-    const long rates = ordernm_row_size(p), of_event = s->nq + s->nu + p->events[e].output;
-    int lost = 0;
-    for (int k = 0; k < p->ndirections; ++k) {
-        const long own = 1 + n + m->nx + (long)p->ndirections*(s->nq + s->nu) + (long)k*s->noutputs + p->events[e].output;
-        const scalar here = -row[own]/row[rates + of_event], there = -other[own]/other[rates + of_event];
-        const scalar size = fabs(here) + fabs(there), switched = passing[k/LANES*LANES + k%LANES];
-        const int all = apart(here, there, size), first = apart(here, switched, size + fabs(switched));
-        long at = 1 + n + m->nx, value = 1;
-        for (int part = 0; part < 3; at += (long)p->ndirections*sizes[part], ++part)
-            for (int i = 0; i < sizes[part]; ++i, ++value) {
-                scalar *const d = row + at + (long)k*sizes[part] + i;
-                const scalar by = other[at + (long)k*sizes[part] + i];
-                const scalar one = row[rates + value - 1]*here, two = other[rates + value - 1]*there;
-                const int jumps = apart(row[value], other[value], fabs(row[value]) + fabs(other[value]));
-                if (!all && !(jumps && first) && !apart(*d + one, by + two, fabs(*d) + fabs(by) + fabs(one) + fabs(two))) continue;
-                *d = NAN;
-                lost = 1;
-            }
-    }
-    return lost;
-}
-
-/* Records an event at the same time as a switch. */
-static void note_coincidence(ordernm_motion *m, int e, int lost)
-{
-    ordernm_results *const r = m->results;
-    r->event_together = 1 + e;
-    r->together_with = 1 + m->together[m->ntogether - 1];
-    r->together_at = m->t;
-    r->event_ordered |= lost;
-}
-
-static int is_recent(const ordernm_motion *m, scalar t)
-{
-    return fabs(t - m->together_since) <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
-}
-
-/* For an event at the end of a step just after switches: compares the event's row with the row before the switches. */
-static int compare_with_front(ordernm_motion *m, int e, scalar *row)
-{
-    const int count = m->system->nswitches;
-    scalar *const z = m->error[0];
-    if (!m->ntogether || !is_recent(m, row[0]) || m->row_known || !(m->ngroups || m->results->steps)) return 0;
-    memcpy(z, m->next, m->values*sizeof(scalar));
-    memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(scalar));
-    memcpy(m->switches_kept, m->modes, count*sizeof(scalar));
-    for (int i = 0; i < m->ntogether; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
-    const int status = describe(m, row[0], z, m->known_row);
-    memcpy(m->modes, m->switches_kept, count*sizeof(scalar));
-    if (!status) note_coincidence(m, e, compare_sides(m, e, row, m->known_row, m->passing_time));
-    return status;
-}
-
-/* For events stored before switches that have just been passed: compares the rows of the events with the rows after the switches. */
-int ordernm_compare_events(ordernm_motion *m)
-{
-    ordernm_results *const r = m->results;
-    const long size = ordernm_event_size(m->problem);
-    for (long i = r->events_count - 1; i >= 0 && is_recent(m, r->events[i*size]); --i) {
-        scalar *const row = r->events + i*size;
-        if (row[size - 1] < 0.0 || !(m->ngroups || r->steps)) continue;
-        const int status = describe(m, m->t, m->z, m->known_row);
-        if (status) return status;
-        note_coincidence(m, r->which[i], compare_sides(m, r->which[i], row, m->known_row, m->passing_time));
-    }
-    return 0;
 }
 
 /* Stores the events at the end of the step; several may occur at the same time. Returns whether the motion stops there. */
@@ -463,11 +378,11 @@ int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
         *stop |= p->events[e].stop;
         if (!r->events) continue;
         scalar *const row = r->events + r->events_count*size;
-        const int status = m->row_known ? 0 : describe(m, step->event_time, m->next, row);
+        const int status = m->row_known ? 0 : ordernm_describe(m, step->event_time, m->next, row);
         if (status) return status;
         if (m->row_known) memcpy(row, m->known_row, (size - 1)*sizeof(scalar));
         row[size - 1] = m->paces[e];
-        const int unknown = compare_with_front(m, e, row);
+        const int unknown = ordernm_compare_with_front(m, e, row);
         if (unknown) return unknown;
         r->which[r->events_count++] = e;
     }

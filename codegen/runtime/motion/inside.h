@@ -7,8 +7,9 @@
  *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
  *                                                           derivatives; the adjoint of a state
  *     explicit, radau, passing, points, powers             one step; passing a switch; singular points; unbounded derivatives
+ *     coincidences                                         events at the same time as a switch
  *     radau_sensitivities, switches, poses, dead_points    derivatives of a step; modes; poses where loops lose rank
- *     radau_equations, report, errors                      equations of a step; a row of results; errors of steps
+ *     radau_equations, report, errors, timing              equations of a step; a row of results; errors of steps and of times
  *     flow                                                 derivatives along the motion
  *     state, linear, extremes                              one state with closed loops; linear equations; extrema of outputs
  *     inputs, sizes, sums                                  splines; lengths of rows; sums of rates
@@ -203,11 +204,14 @@ struct ordernm_motion {
     scalar *let_go;           /* [nswitches] modes before a step without held modes; 0 for held modes */
     int not_held;             /* consecutive steps rejected because held rates are not finite */
     scalar *passing_time;     /* [ngroups][LANES] derivatives of the time at which the last switch was passed */
+    scalar *passing_speed;    /* [nswitches] rates of switching functions when they were passed last */
+    scalar *switch_errors;    /* [nswitches][2] errors of switching functions, see timing.c */
     scalar *switch_time;      /* [ngroups][LANES] derivatives of the time of the last switch of an output with an event */
     scalar *speeds;           /* [nswitches] rates of the functions of switches with a jump before they were passed; else 0 */
     int ntogether, *together; /* number of switches passed at the same time, and these switches in their order */
     int together_jump;        /* rates jump at one of these switches */
     scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of these switches; scratch */
+    scalar *z_after;          /* the state after these switches, as if all were passed at once */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
     int nbent, *bent;         /* number of switches whose functions are zero, and change their rates, at the last knot; [nswitches] these */
@@ -283,6 +287,7 @@ void ordernm_note_condition(ordernm_motion *m, int stage, int status);
 /* report.c */
 int ordernm_report(ordernm_motion *m, scalar t, const scalar *z, scalar *row);
 int ordernm_report_rates(ordernm_motion *m, scalar t, const scalar *z, scalar *rates);
+int ordernm_describe(ordernm_motion *m, scalar t, const scalar *z, scalar *row);
 
 /* errors.c */
 int ordernm_counted(const ordernm_motion *m);
@@ -323,8 +328,17 @@ enum { EVENT_SAMPLES = 7 };  /* number of places between the ends of a step at w
 int ordernm_crossings(ordernm_motion *m, scalar t, const scalar *z, scalar *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
-int ordernm_compare_events(ordernm_motion *m);
 int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop);
+
+/* timing.c */
+int ordernm_find_switch_errors(ordernm_motion *m, scalar t, const scalar *z);
+int ordernm_find_output_error(ordernm_motion *m, scalar t, const scalar *z, int output, scalar *error);
+scalar ordernm_switch_error(const ordernm_motion *m, int k);
+int ordernm_may_precede(const ordernm_motion *m, scalar after, const scalar *error, scalar rate, int k);
+
+/* coincidences.c */
+int ordernm_compare_with_front(ordernm_motion *m, int e, scalar *row);
+int ordernm_compare_events(ordernm_motion *m);
 
 /* switches.c */
 int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, int k, scalar *found);
@@ -345,6 +359,7 @@ int ordernm_limit_turns(ordernm_motion *m);
 int ordernm_let_go(ordernm_motion *m);
 int ordernm_begins_at_zero(ordernm_motion *m, int k, scalar *speed);
 int ordernm_begins_at_jump(ordernm_motion *m, int k);
+int ordernm_errs_past_jump(ordernm_motion *m, int k);
 int ordernm_modes_before_start(ordernm_motion *m);
 void ordernm_touch(ordernm_motion *m, scalar t, int k);
 int ordernm_arrive_at_knot(ordernm_motion *m);

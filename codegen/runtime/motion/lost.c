@@ -366,11 +366,23 @@ void ordernm_lose_at_knot(ordernm_motion *m)
 
 /* ---- Results at the time of a switch. ---- */
 
-/* Whether a result is wanted at the current time. */
-static int is_sampled(const ordernm_motion *m)
+/* Time by which errors of the state may move the switches passed last. */
+static scalar moved_by_errors(ordernm_motion *m)
+{
+    scalar time = 0.0;
+    if (!m->ntogether || ordernm_find_switch_errors(m, m->t, m->z)) return 0.0;
+    for (int i = 0; i < m->ntogether; ++i) {
+        const int k = m->together[i];
+        if (m->speeds[k] != 0.0) time = fmax(time, ordernm_switch_error(m, k)/fabs(m->passing_speed[k]));
+    }
+    return time;
+}
+
+/* Whether a result is wanted within a given time of the current one. */
+static int is_sampled(const ordernm_motion *m, scalar within)
 {
     const ordernm_problem *const p = m->problem;
-    const scalar near = SAMPLED*(p->end - p->start);
+    const scalar near = fmax(SAMPLED*(p->end - p->start), within);
     const int before = m->sampled > 0 && fabs(p->times[m->sampled - 1] - m->t) <= near;
     return p->ntimes && (before || (m->sampled < p->ntimes && p->times[m->sampled] - m->t <= near));
 }
@@ -386,11 +398,15 @@ static int jumps_along(const ordernm_motion *m, int n, int lane)
     return 0;
 }
 
-/* A switch with a jump of rates at whose zero the motion ends without crossing it; -1 if there is none. */
+/* A switch with a jump of rates at whose zero the motion ends without crossing it, or that errors of the state may pass; -1 if there is
+ * none. */
 static int ends_at_switch(ordernm_motion *m)
 {
-    for (int i = 0; i < m->nheld && m->t >= m->problem->end; ++i)
-        if (m->crossed[m->held[i]] == 0.0 && ordernm_begins_at_jump(m, m->held[i])) return m->held[i];
+    if (m->t < m->problem->end || ordernm_find_switch_errors(m, m->t, m->z)) return -1;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        if (m->crossed[k] == 0.0 && (ordernm_begins_at_jump(m, k) || ordernm_errs_past_jump(m, k))) return k;
+    }
     return -1;
 }
 
@@ -400,8 +416,10 @@ void ordernm_look_at_samples(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;
     const ordernm_system *const s = m->system;
-    if (r->lost_capacity - r->lost_count <= m->problem->ndirections || !is_sampled(m)) return; /* leaves memory for lost directions */
-    const int end = ends_at_switch(m), passed = m->switched && m->together_jump && m->ntogether;
+    if (r->lost_capacity - r->lost_count <= m->problem->ndirections) return; /* leaves memory for lost directions */
+    const int passed = m->switched && m->together_jump && m->ntogether;
+    if (!is_sampled(m, passed ? moved_by_errors(m) : 0.0)) return;
+    const int end = ends_at_switch(m);
     const long first = 1 + s->nq + s->nu + s->noutputs + m->nx;
     int some = !m->ngroups && !r->lost_count;
     if ((end < 0 && !passed) || (end >= 0 && ordernm_switch_along(m, m->t, m->z, end))) return;

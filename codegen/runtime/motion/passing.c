@@ -53,12 +53,29 @@ static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scala
     return 0;
 }
 
-/* Adds a switch to the list of switches passed at the same time, or starts a new list. */
-static void gather(ordernm_motion *m, int k)
+/* Whether derivatives are needed, forward or by the adjoint. */
+static int is_differentiated(const ordernm_motion *m) { return m->ngroups || m->results->steps; }
+
+/* Whether a switch counts as passed at the same time as those passed last: within AT_THE_SAME_TIME, or because errors of the state may
+ * exchange them. `before` are the rates before the switch. */
+static int joins(ordernm_motion *m, int k, const scalar *before)
 {
-    int joins = m->ntogether && m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start);
-    for (int i = 0; i < m->ntogether; ++i) joins &= m->together[i] != k;
-    if (!joins) {
+    scalar speed;
+    if (!m->ntogether) return 0;
+    for (int i = 0; i < m->ntogether; ++i)
+        if (m->together[i] == k) return 0;
+    if (m->t - m->together_since <= AT_THE_SAME_TIME*(m->problem->end - m->problem->start)) return 1;
+    if (!is_differentiated(m) || ordernm_find_switch_errors(m, m->t, m->z)) return 0;
+    if (ordernm_switch_speed(m, m->t, m->z, before, k, &speed)) return 0;
+    for (int i = 0; i < m->ntogether; ++i)
+        if (ordernm_may_precede(m, m->t - m->changed[m->together[i]], m->switch_errors + 2*k, speed, m->together[i])) return 1;
+    return 0;
+}
+
+/* Adds a switch to the list of switches passed at the same time, or starts a new list. */
+static void gather(ordernm_motion *m, int k, const scalar *before)
+{
+    if (!joins(m, k, before)) {
         m->ntogether = m->together_jump = 0;
         m->together_since = m->t;
         memcpy(m->z_before, m->z, m->size*sizeof(scalar));
@@ -68,15 +85,33 @@ static void gather(ordernm_motion *m, int k)
 }
 
 /* Whether derivatives along a direction differ between two orders of switches, relative to the jumps of these derivatives. */
-static int differ(const ordernm_motion *m, const group *of, int lane, const scalar *other)
+static int differ(const ordernm_motion *m, const group *of, int lane, const scalar *one, const scalar *other)
 {
     for (long i = 0; i < m->ny + m->nx; ++i) {
         const long at = of->at + i*of->width + lane;
-        const scalar here = m->z[at], there = other[at], first = m->z_before[at];
+        const scalar here = one[at], there = other[at], first = m->z_before[at];
         const scalar allowed = ORDER_MATTERS*(fabs(here - first) + fabs(there - first)) + 1e-10*(fabs(here) + fabs(first));
         if (!(fabs(here - there) <= allowed)) return 1;
     }
     return 0;
+}
+
+/* Passes the switches together at the current state, with the derivatives before the first of them. The first `n` orders begin with
+ * another switch each, the next ones are reversed. Returns the status of a function. */
+static int pass_in_order(ordernm_motion *m, int order, scalar *z, scalar *rates)
+{
+    const int n = m->ntogether;
+    scalar speed;
+    memcpy(z, m->z, m->values*sizeof(scalar));
+    memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(scalar));
+    for (int i = 0; i < n; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
+    int status = ordernm_rates_of(m, m->t, z, rates, 0, 0, RATES | INTEGRALS);
+    for (int i = 0; i < n && !status; ++i) {
+        const int at = (order < n ? i : n - 1 - i) + order;
+        memcpy(m->trial, rates, m->values*sizeof(scalar));
+        status = pass(m, z, m->together[at%n], m->trial, rates, 0, &speed);
+    }
+    return status;
 }
 
 /* Several switches are passed at the same time. A perturbed motion passes them one after another, in an order that depends on the
@@ -85,24 +120,15 @@ static int differ(const ordernm_motion *m, const group *of, int lane, const scal
 static int compare_orders(ordernm_motion *m)
 {
     const int n = m->ntogether, count = m->system->nswitches;
-    scalar *const z = m->error[0], *const rates = m->rate[1];
+    scalar *const first = m->z_after, *const z = m->error[0], *const rates = m->rate[1];
     scalar *const kept = m->switches_kept;
-    int status = 0;
     memcpy(kept, m->modes, count*sizeof(scalar));
+    int status = pass_in_order(m, 0, first, rates);
     for (int order = 1; order < 2*n && !status; ++order) {
-        scalar speed;
-        memcpy(z, m->z, m->values*sizeof(scalar));
-        memcpy(z + m->values, m->z_before + m->values, (m->size - m->values)*sizeof(scalar));
-        for (int i = 0; i < n; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
-        status = ordernm_rates_of(m, m->t, z, rates, 0, 0, RATES | INTEGRALS);
-        for (int i = 0; i < n && !status; ++i) {
-            const int at = (order < n ? i : n - 1 - i) + order;
-            memcpy(m->trial, rates, m->values*sizeof(scalar));
-            status = pass(m, z, m->together[at%n], m->trial, rates, 0, &speed);
-        }
+        status = pass_in_order(m, order, z, rates);
         for (int g = 0; g < m->ngroups && !status; ++g)
             for (int l = 0; l < m->groups[g].used; ++l)
-                if (differ(m, m->groups + g, l, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN, m->results->ordered = 1;
+                if (differ(m, m->groups + g, l, first, z)) m->lost[g*LANES + l] = m->switch_time[g*LANES + l] = NAN, m->results->ordered = 1;
     }
     memcpy(m->modes, kept, count*sizeof(scalar));
     return status;
@@ -128,6 +154,29 @@ static void note_time(ordernm_motion *m, int k, int *timed)
         m->switch_time[i] = !*timed || fabs(here - first) <= ORDER_MATTERS*(fabs(here) + fabs(first)) ? here : NAN;
     }
     *timed = 1;
+}
+
+/* Whether a switch that was passed with the given rate of its function is only touched. This is the case if, within the time by which an
+ * error of the state moves the zero, the rate changes its sign in the branch before the switch, whose rates are `before`. */
+static int grazes(ordernm_motion *m, int k, scalar speed, const scalar *before)
+{
+    const scalar mode = m->modes[k];
+    scalar *const z = m->error[0], *const rates = m->rate[1];
+    if (!(fabs(speed) > GRAZING*m->crossed[k])) return 1;
+    if (ordernm_find_switch_errors(m, m->t, m->z)) return 0;
+    const scalar time = ordernm_switch_error(m, k)/fabs(speed);
+    int turns = 0;
+    m->modes[k] = m->modes_before[k];
+    for (int after = 0; after < 2 && time > 0.0 && !turns; ++after) {
+        const scalar by = after ? time : -time;
+        scalar there;
+        memcpy(z, m->z, m->values*sizeof(scalar));
+        for (int i = 0; i < m->ny + m->nx; ++i) z[i] += by*before[i];
+        if (ordernm_rates_of(m, m->t + by, z, rates, 0, 0, RATES) || ordernm_switch_speed(m, m->t + by, z, rates, k, &there)) continue;
+        turns = there*speed < 0.0;
+    }
+    m->modes[k] = mode;
+    return turns;
 }
 
 /* Whether the rates after all passed switches drive the motion back to one of these switches. */
@@ -159,10 +208,11 @@ int ordernm_pass_switches(ordernm_motion *m)
         scalar speed;
         const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
         if (s->drives[k] > 1) m->results->moved = k + 1, m->results->moved_at = m->t;
-        gather(m, k);
-        m->changed[k] = m->t;
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
+        gather(m, k, before);
+        m->changed[k] = m->t;
         if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
+        m->passing_speed[k] = speed;
         note_time(m, k, &timed);
         if (m->modes[k] == 0.0) --m->ntogether; /* another switch determines the time of this one */
         if (!ordernm_rates_jump(m, before, after)) {
@@ -172,9 +222,10 @@ int ordernm_pass_switches(ordernm_motion *m)
         count(m, k);
         if (m->modes[k] != 0.0) m->speeds[k] = speed != 0.0 ? speed : LEAST_SIDE;
         m->together_jump = 1;
-        if ((m->ngroups || m->results->steps) && !(fabs(speed) > GRAZING*m->crossed[k])) m->results->grazed = k + 1;
+        if (is_differentiated(m) && grazes(m, k, speed, before)) m->results->grazed = k + 1;
     }
     if ((status = slides(m, after))) return status;
+    memcpy(m->z_after, m->z, m->size*sizeof(scalar));
     if (m->ntogether < 2 || !(m->together_jump || timed)) return 0;
     m->results->together = 1 + m->together[m->ntogether - 1];
     m->results->together_with = 1 + m->together[m->ntogether - 2];

@@ -94,3 +94,10 @@ int ordernm_report(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
     for (int n = 0; n < m->ngroups && !status; ++n) status = report_along(m, t, z, m->groups + n, &c, row);
     return status;
 }
+
+/* An event's row at a state: a row of results, and the time derivatives of coordinates, speeds and outputs in the current modes. */
+int ordernm_describe(ordernm_motion *m, scalar t, const scalar *z, scalar *row)
+{
+    const int status = ordernm_report(m, t, z, row);
+    return status ? status : ordernm_report_rates(m, t, z, row + ordernm_row_size(m->problem));
+}

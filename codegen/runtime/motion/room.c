@@ -88,12 +88,13 @@ static void lay_out_switches(ordernm_motion *m, memory *of, int at)
     if (at) ordernm_hold_switches(m);
     for (int k = 0; k < s->nswitches; ++k) m->npoints += s->switch_kind[k] == ORDERNM_POINT && ordernm_matters(m, k);
     scalar **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed, &m->let_go, &m->speeds, &m->modes_before,
-        &m->switches_kept};
-    for (int i = 0; i < 8; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
+        &m->switches_kept, &m->passing_speed};
+    for (int i = 0; i < 9; ++i) *of_switches[i] = ordernm_numbers(of, s->nswitches);
+    m->switch_errors = ordernm_numbers(of, 2L*s->nswitches);
     m->together = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->resting = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
     m->bent = (int *)ordernm_take(of, (s->nswitches + 1)*sizeof(int));
-    m->z_before = ordernm_numbers(of, switching ? m->size : 0);
+    m->z_before = ordernm_numbers(of, switching ? m->size : 0), m->z_after = ordernm_numbers(of, switching ? m->size : 0);
     const long beside = m->npoints ? m->size : 0;
     m->singular = ordernm_numbers(of, 5L*s->nswitches);
     for (int i = 0; i < ORDERNM_SIDES; ++i) m->sides[i] = ordernm_numbers(of, beside);

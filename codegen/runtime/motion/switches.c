@@ -289,6 +289,13 @@ int ordernm_begins_at_jump(ordernm_motion *m, int k)
     return ordernm_begins_at_zero(m, k, &speed) && modes_differ(m, k);
 }
 
+/* Whether errors of the state may pass a switch with a mode, and rates jump there; errors of switching functions must be known. */
+int ordernm_errs_past_jump(ordernm_motion *m, int k)
+{
+    if (m->modes[k] == 0.0 || m->system->switch_kind[k] > ORDERNM_ROOT || ordernm_switching(m, m->t, m->z)) return 0;
+    return fabs(m->switches[k]) <= ordernm_switch_error(m, k) && modes_differ(m, k);
+}
+
 /* Gives switches the modes of a motion just before its start, and stores those of the start in m->modes_before. Functions are evaluated
  * in several passes, because those that jump at the start, as mod does at the seam of a table, move the zeros of others. */
 int ordernm_modes_before_start(ordernm_motion *m)

@@ -1,0 +1,107 @@
+/* Events at the same time as a switch at which rates or outputs jump: their derivatives may depend on the order. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
+
+/* Sets derivatives in an event's row to NaN if they depend on the order of event and switch. `one` and `other` are the event's rows on both
+ * sides of the switch. Returns whether any derivative became NaN. */
+static int compare_sides(const ordernm_motion *m, int e, scalar *row, const scalar *one, const scalar *other)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
+    const int n = s->nq + s->nu + s->noutputs, sizes[] = {s->nq, s->nu, s->noutputs};
+    const long rates = ordernm_row_size(p), of_event = s->nq + s->nu + p->events[e].output;
+    int lost = 0;
+    for (int k = 0; k < p->ndirections; ++k) {
+        const long own = 1 + n + m->nx + (long)p->ndirections*(s->nq + s->nu) + (long)k*s->noutputs + p->events[e].output;
+        const scalar here = -one[own]/one[rates + of_event], there = -other[own]/other[rates + of_event];
+        const scalar size = fabs(here) + fabs(there), switched = m->passing_time[k/LANES*LANES + k%LANES];
+        const int all = apart(here, there, size), first = apart(here, switched, size + fabs(switched));
+        long at = 1 + n + m->nx, value = 1;
+        for (int part = 0; part < 3; at += (long)p->ndirections*sizes[part], ++part)
+            for (int i = 0; i < sizes[part]; ++i, ++value) {
+                const long d = at + (long)k*sizes[part] + i;
+                const scalar by = one[rates + value - 1]*here, then = other[rates + value - 1]*there;
+                const int jumps = apart(one[value], other[value], fabs(one[value]) + fabs(other[value]));
+                const scalar all_sizes = fabs(one[d]) + fabs(other[d]) + fabs(by) + fabs(then);
+                if (!all && !(jumps && first) && !apart(one[d] + by, other[d] + then, all_sizes)) continue;
+                row[d] = NAN;
+                lost = 1;
+            }
+    }
+    return lost;
+}
+
+/* Records an event at the same time as a switch. */
+static void note_coincidence(ordernm_motion *m, int e, int lost)
+{
+    ordernm_results *const r = m->results;
+    r->event_together = 1 + e;
+    r->together_with = 1 + m->together[m->ntogether - 1];
+    r->together_at = m->t;
+    r->event_ordered |= lost;
+}
+
+/* Whether an event counts as at the same time as the switches passed last: within AT_THE_SAME_TIME, or because errors of the state may
+ * exchange them. The state is that of the event or of the switches. */
+static int coincides(ordernm_motion *m, int e, const scalar *row, scalar t, const scalar *z)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
+    const int output = p->events[e].output;
+    const scalar rate = row[ordernm_row_size(p) + s->nq + s->nu + output];
+    scalar error[2];
+    if (fabs(row[0] - m->together_since) <= AT_THE_SAME_TIME*(p->end - p->start)) return 1;
+    if (ordernm_find_switch_errors(m, t, z) || ordernm_find_output_error(m, t, z, output, error)) return 0;
+    for (int i = 0; i < m->ntogether; ++i)
+        if (ordernm_may_precede(m, fabs(row[0] - m->changed[m->together[i]]), error, rate, m->together[i])) return 1;
+    return 0;
+}
+
+/* An event's row at the values of a state, with the derivatives and modes before or after the switches passed last. Returns the status of a
+ * function. */
+static int describe_side(ordernm_motion *m, scalar t, const scalar *values, int before, scalar *row)
+{
+    const size_t size = m->system->nswitches*sizeof(scalar);
+    scalar *const z = m->error[0];
+    memcpy(z, values, m->values*sizeof(scalar));
+    memcpy(z + m->values, (before ? m->z_before : m->z_after) + m->values, (m->size - m->values)*sizeof(scalar));
+    memcpy(m->switches_kept, m->modes, size);
+    for (int i = 0; i < m->ntogether && before; ++i) m->modes[m->together[i]] = m->modes_before[m->together[i]];
+    const int status = ordernm_describe(m, t, z, row);
+    memcpy(m->modes, m->switches_kept, size);
+    return status;
+}
+
+/* Compares an event's rows on both sides of the switches at a state: that of the event or of the switches. */
+static int compare_at(ordernm_motion *m, int e, scalar *row, scalar t, const scalar *z)
+{
+    if (!coincides(m, e, row, t, z)) return 0;
+    int status = describe_side(m, t, z, 1, m->row);
+    if (!status) status = describe_side(m, t, z, 0, m->known_row);
+    if (!status) note_coincidence(m, e, compare_sides(m, e, row, m->row, m->known_row));
+    return status;
+}
+
+/* For an event at the end of a step after switches. Returns the status of a function. */
+int ordernm_compare_with_front(ordernm_motion *m, int e, scalar *row)
+{
+    if (!m->ntogether || m->row_known || !(m->ngroups || m->results->steps)) return 0;
+    return compare_at(m, e, row, row[0], m->next);
+}
+
+/* For events stored before switches that have just been passed. Returns the status of a function. */
+int ordernm_compare_events(ordernm_motion *m)
+{
+    ordernm_results *const r = m->results;
+    const long size = ordernm_event_size(m->problem), first = r->events_count - 2L*m->problem->nevents;
+    int status = 0;
+    for (long i = r->events_count - 1; i >= 0 && i >= first && (m->ngroups || r->steps) && !status; --i) {
+        scalar *const row = r->events + i*size;
+        if (row[size - 1] >= 0.0) status = compare_at(m, r->which[i], row, m->t, m->z);
+    }
+    return status;
+}
