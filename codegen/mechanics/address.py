@@ -12,7 +12,9 @@ from .memory import SystemLayout
 from .stores import (
     BASE_LINK,
     CE_DGP,
+    CE_GP,
     CL_DGP,
+    CL_GP,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
     COUPLING_BLOCK,
@@ -22,6 +24,7 @@ from .stores import (
     ELEMENT_END,
     ENERGY,
     ENERGY_LANE,
+    GP,
     KEPT,
     LINK,
     LOOP,
@@ -39,6 +42,7 @@ from .stores import (
     PER_LOOP,
     PER_MOTION,
     PER_MOTION_LANE,
+    PER_PARAMETER,
     PER_PARAMETER_LANE,
     PER_SPEED,
     PER_SPEED_LANE,
@@ -60,6 +64,9 @@ from .sweeps import SWEEP
 
 _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
 """Column-name prefixes of the index tables, by the owner of the accessed memory."""
+
+_PARAMETERS = {s.name: "gp" for s in (GP, CE_GP, CL_GP)} | {s.name: "dgp" for s in (DGP, CE_DGP, CL_DGP)}
+"""The arrays of gradients by parameters, and of their tangents, by store; other stores use the tangents of the parameters."""
 
 
 class SystemAddresses(Addresses):
@@ -182,8 +189,8 @@ class SystemAddresses(Addresses):
             return Address(f"near_{variable}" if near else variable, region, self._row(kind, sweep, store, near), name)
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)
-        if memory is PER_PARAMETER_LANE:
-            region = "dgp" if store.name in (DGP.name, CE_DGP.name, CL_DGP.name) else "dp"
+        if memory in (PER_PARAMETER, PER_PARAMETER_LANE):
+            region = _PARAMETERS.get(store.name, "dp")
             return Address(region, region, None, self._parameter(kind, sweep, store.plain, int(name)))
         region = store.name
         row: Row | None = None

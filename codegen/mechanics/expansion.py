@@ -114,11 +114,13 @@ def expand(
     whole: bool = True,
     given: Set[Place] = frozenset(),
     alone: bool = True,
+    gradients: bool = False,
 ) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
 
     `read_outside` are fields (memory, kind, field) that formulas read; `progress` is called for every sweep; `whole` says
-    that all functions are generated, so that every stored value should be read. `given` and `alone`: see `SecondOrder`.
+    that all functions are generated, so that every stored value should be read. `given`, `alone` and
+    `gradients`: see `SecondOrder`.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def expand(
     if whole:
         field_use.check()
     if originals:
-        second = SecondOrder(patterns, originals, wanted, given, alone)
+        second = SecondOrder(patterns, originals, wanted, given, alone, gradients)
         chosen += _differentiated_twice(program, chosen, second)
     linked = _links(program, patterns, chosen)
     _choose(program, linked)

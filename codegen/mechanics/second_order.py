@@ -28,6 +28,7 @@ from ..records import dataclass
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
 from .second_order_stores import (
+    GRADIENTS,
     READ_BY_FORMULAS,
     READ_BY_LOOPS,
     adjoint_of,
@@ -113,17 +114,19 @@ class SecondOrder:
         Adjoints to which formulas over records contribute.
     alone : bool
         Whether only one function runs the sweeps.
+    gradients : bool
+        Whether blocks store the gradient besides its tangents.
     """
 
     def __init__(
         self, patterns: Patterns, originals: Mapping[str, Mapping[int, Original]], wanted: Set[str], given: Set[Place],
-        alone: bool,
+        alone: bool, gradients: bool,
     ):  # fmt: skip
         self.patterns, self.system = patterns, patterns.system
         self.originals, self.wanted, self.given = originals, wanted, given
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
         loops = bool(self.system.model.loops)
-        self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()))
+        self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()), *(GRADIENTS if gradients else ()))
         """Adjoints that are arrays and are read."""
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
@@ -135,9 +138,7 @@ class SecondOrder:
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
         self.unread = (DKINETIC, DPOTENTIAL, *(() if loops else (DFORCE,)))
-        self.nonzero: set[Place] = {
-            ((TANGENT, ""), GROUND_KIND, n) for n in _varying_of_ground(patterns.system)
-        } | given
+        self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in varying_of_ground(patterns.system)} | given
         """Tangents and adjoints that can differ from zero."""
 
     def blocks(self) -> dict[str, dict[int, Block]]:
@@ -312,7 +313,7 @@ class SecondOrder:
         return along(self._expansion(sweep, kind, made, back), place, partial(_primitives, kind), known=known)
 
 
-def _varying_of_ground(system: System) -> list[str]:
+def varying_of_ground(system: System) -> list[str]:
     """Components of the ground's record that depend on design parameters."""
     g = system.gravity
     return [] if g is None else [n for n, of in system.fields_of_gravity.items() if of in g.shape.varying]
@@ -320,7 +321,7 @@ def _varying_of_ground(system: System) -> list[str]:
 
 def read_outside(system: System) -> set[Place]:
     """Adjoints of the ground, from which the gradient by the parameters of gravity follows."""
-    return {((memory, ""), GROUND_KIND, n) for memory in (ADJOINT, ADJOINT_LANE) for n in _varying_of_ground(system)}
+    return {((memory, ""), GROUND_KIND, n) for memory in (ADJOINT, ADJOINT_LANE) for n in varying_of_ground(system)}
 
 
 def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:

@@ -115,7 +115,10 @@ ADJOINT_TANGENTS = {
 """The tangents of adjoints."""
 
 READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
-"""Adjoints that formulas read; gradients themselves are not computed."""
+"""Adjoints that formulas read; gradients are computed only for motions."""
+
+GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
+"""Gradients of one vector of weights."""
 
 READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
 """Adjoints from which the multipliers of loops follow."""

@@ -24,7 +24,15 @@ from .outputs.switches import switch_formulas
 from .patterns import GROUND_KIND
 from .patterns import Place as MemoryPlace
 from .plan import plan_of
-from .procedures import SECOND_ORDER, SWITCHES, checked_backwards, procedures, swept_backwards, swept_together
+from .procedures import (
+    GRADIENT_TANGENTS,
+    SECOND_ORDER,
+    SWITCHES,
+    checked_backwards,
+    procedures,
+    swept_backwards,
+    swept_together,
+)
 from .stores import ADJOINT, ADJOINT_LANE, LAID_OUT, SLOT
 from .structure.kinds import RegionKind
 from .structure.system import System, analyse
@@ -85,7 +93,8 @@ def expanded(
         wanted, backwards = sweeps(selected), swept_backwards(selected)
         read_by, given = _read_by_formulas(system, records), _given_by_formulas(system, records)
         all_sweeps, whole = wanted.union(backwards), functions is None
-        program = expand(system, all_sweeps, read_by, progress, whole, given, len(second) == 1)
+        gradients = any(p.name == GRADIENT_TANGENTS for p in selected)
+        program = expand(system, all_sweeps, read_by, progress, whole, given, len(second) == 1, gradients)
     except RankLossError as error:
         raise ModelError([model.problem("loops", str(error))]) from None
     except OverflowError as error:

@@ -48,7 +48,7 @@ def library_of(function: str) -> str:
     """The library of a function that Python calls."""
     if function in _OF:
         return _OF[function]
-    if function.endswith(("_transposed", "hessian_products")):
+    if function.endswith(("_transposed", "hessian_products", "gradient_tangents")):
         return "gradients"
     if function.startswith(("frame", "point_place")):
         return FRAMES

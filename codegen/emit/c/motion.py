@@ -26,7 +26,7 @@ ALONG = (
 )  # fmt: skip
 """Functions over directions that integration calls."""
 
-CURVED = ("hessian_products",)
+CURVED = ("hessian_products", "gradient_tangents")
 """Functions over directions that Hessian products of motions call."""
 
 WIDTHS = (1, 8)
@@ -87,6 +87,8 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
     for f in [f for f in VALUES if f in functions]:
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
+    if CURVED[1] in functions:
+        functions.pop(CURVED[0])  # motions call the other
     for f in [f for f in (*ALONG, *CURVED) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
         of = second if f.endswith("_transposed") or f in CURVED else first

@@ -136,6 +136,14 @@ class CPrepared(CMemory):
             lines += [f"EACH_VECTOR a->dgp[{p}].at[h] += {text};" for p, text in terms]
         return lines
 
+    def ground_gradient(self) -> list[str]:
+        """Lines that add the contributions of the ground's adjoint to the gradient."""
+        return [
+            f"a->gp[{p}] += {self._gravity(factor)}*a->adjoints[LINKS].{identifier(name)};"
+            for name, first, _ in self.plan.ground.twice
+            for factor, p in first
+        ]
+
     # -- the files -------------------------------------------------------------------------------------------------
 
     @property
@@ -201,6 +209,8 @@ class CPrepared(CMemory):
                 return self.no_tangents(("adjoint_tangents",))
             case procedures.GROUND_TWICE | procedures.GROUND_AGAIN:
                 return self.ground_twice(what == procedures.GROUND_TWICE)
+            case procedures.GROUND_GRADIENT:
+                return self.ground_gradient()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
                     f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"

@@ -17,15 +17,15 @@ from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
-from .second_order import SECOND_ORDER, second_order
+from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, of_motions, second_order
 from .shared import Shared
 from .swept import checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays", "asks_reactions",
-    "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
+    "GRADIENT_TANGENTS", "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays",
+    "asks_reactions", "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 MOTIONS = ("state_rates", "state_rate_sensitivities")
@@ -82,7 +82,7 @@ def procedures(
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if not moves:
         found = without_motions(found, functions)
-    found = switching(w, found)
+    found = of_motions(w, switching(w, found))
     if all(p.name != ALONG_MOTIONS[0] for p in found):
         return found
     return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_VALUES,
+    GROUND_GRADIENT,
     GROUND_TWICE,
     Array,
     Bind,
@@ -21,6 +22,7 @@ from ...program.procedure import (
     Zero,
 )
 from ..quantities import run
+from ..second_order import varying_of_ground
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
@@ -32,16 +34,24 @@ from .words import OTHER_WIDTHS
 HESSIAN_PRODUCTS = "hessian_products"
 INVERSE_DYNAMICS_PRODUCTS = "inverse_dynamics_hessian_products"
 """The functions, which are included only on request."""
+GRADIENT_TANGENTS = "gradient_tangents"
+"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, and results include the gradient."""
 
 
-def hessian_products(w: Shared) -> Procedure:
-    """The Hessian of ``weights . udot`` times directions: the change of its gradient along them."""
+def hessian_products(w: Shared, motion: bool = False) -> Procedure:
+    """The Hessian of ``weights . udot`` times directions: the change of its gradient along them.
+
+    `motion`: the function `GRADIENT_TANGENTS`.
+    """
     dudot, weights, virtual, change = w.of("dudot", "b", "udot", "dudot")
     virtual, change = virtual.called("virtual_motion"), change.called("dudot_bar")
     right = weights.tangent("b")
     found, dforce = dudot.called("found_dudot"), dudot.called("dforce_bar")
     parts = _Parts(w)
     gradient = tuple(w.one(f"dg{n}") for n in w.state)
+    values = tuple(w.one(f"g{n}") for n in w.state) if motion else ()
+    ends = tuple(w.one(f"g{n}").called(f"gradient_{n}") for n in w.state) if motion else ()
+    given = (weights.tangent(),) if motion else ()
     steps: tuple[Step, ...]
     if w.loops:
         loops = WithLoops(w, parts.formulas, parts.bars)
@@ -52,14 +62,17 @@ def hessian_products(w: Shared) -> Procedure:
             Own(virtual),
             Single(SOLVE, ((right, weights),), ((dudot, virtual),)),
             *parts.weights((), (virtual,)),
+            *map(Bind, values, ends),
+            *map(Zero, values),
             Own(found),
             Bind(dudot, found),
             w.balance,
             Own(change),
             Zero(change),
             parts.mass_tangents,
+            *(parts.gradients(values) if motion else ()),
             Own(right),
-            Combine(right, (), (change,)),
+            Combine(right, (), (change, *given)),
             Own(dforce),
             Bind(dudot, dforce),
             *SOLVE,
@@ -67,15 +80,27 @@ def hessian_products(w: Shared) -> Procedure:
             *map(Zero, gradient),
             *parts.adjoint_tangents(),
         )
+    doc = "Products of the Hessian of b . udot with directions: the change of its gradient along them (d Eqs. 9, 10)."
     return Procedure(
-        HESSIAN_PRODUCTS,
-        "Products of the Hessian of b . udot with directions: the change of its gradient along them (d Eqs. 9, 10).",
+        GRADIENT_TANGENTS if motion else HESSIAN_PRODUCTS,
+        "The gradient of b . udot, and its tangents along directions of all arguments and of b." if motion else doc,
         (*w.of(*w.state), weights),
-        gradient,
+        (*gradient, *ends),
         steps,
-        tuple(a.tangent() for a in w.of(*w.state)),
+        (*(a.tangent() for a in w.of(*w.state)), *given),
         OTHER_WIDTHS,
+        internal=motion,
     )
+
+
+def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
+    """The given functions, and `GRADIENT_TANGENTS` if motions of a tree have Hessian products."""
+    if w.loops or not {HESSIAN_PRODUCTS, "state_rates"} <= {p.name for p in found}:
+        return found
+    stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
+    places = tuple(step for a in stored for step in (Own(a), Zero(a)))
+    kept = tuple(replace(p, steps=(*places, *p.steps)) if p.name in SECOND_ORDER else p for p in found)
+    return (*kept, hessian_products(w, True))
 
 
 def inverse_dynamics_products(w: Shared) -> Procedure:
@@ -171,6 +196,22 @@ class _Parts:
             *(Run(mass_name(s), True) for s in reversed(self.sweeps)),
         )
         return performed("tangents_of_values", "Tangents of the inverse dynamics, adjoints, tangents of M z.", steps)
+
+    def gradients(self, into: tuple[Array, ...]) -> list[Step]:
+        """Add the contributions of formulas and of gravity to the gradient, of which blocks have stored the rest."""
+        seeds = tuple((self.w.one(f"d{n}"), a) for n, a in zip(self.w.state, into, strict=True))
+        ground: list[Step] = []
+        if varying_of_ground(self.w.system):
+            ground = [
+                performed("ground_gradient", "The gradient by gravity's parameters.", (Prepare(GROUND_GRADIENT),))
+            ]
+        return [
+            *(
+                Single((f.transpose(),), ((bar.tangent(f"d{f.targets[0]}"), bar),), seeds)
+                for f, bar in zip(self.formulas, self.bars, strict=True)
+            ),
+            *ground,
+        ]
 
     def adjoint_tangents(self) -> list[Step]:
         """Tangents of the adjoints, which add up to the change of the gradient."""

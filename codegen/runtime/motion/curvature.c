@@ -6,11 +6,16 @@
  *     dY_i = dz + h sum a_ij dk_j,  dkappa_j = h (b_j dlambda + sum_i>j a_ij dnu_i),
  *     dnu_j = f_z(Y_j)^T dkappa_j + (f_zz dY_j + f_zp dp)^T kappa_j,  dlambda <- dlambda + sum dnu_j.
  *
- * The first term is a transpose with other weights, the second one is a Hessian product. Adjoints have the layout of the state z, so that
- * tangents stand behind the values. */
+ * The first term is a transpose with other weights, the second one is a Hessian product; trees have one function for both and for
+ * f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the values. */
 #include "inside.h"
 
 #include <string.h>
+
+/* Results of a function by its arguments. */
+typedef struct {
+    scalar *q, *u, *p, *inputs, *t;
+} gradient;
 
 struct ordernm_curvature {
     ordernm_problem problem;
@@ -20,7 +25,8 @@ struct ordernm_curvature {
     int n, all;                       /* entries of the state with derivatives; stages of a step with those of its interpolant */
     long next, left;                  /* numbers of times passed forwards, and still to process backwards */
     scalar *lambda, *kappa[MOST_STAGES], *nu;
-    scalar *dq, *du, *dp, *dinputs, *dt, *no_dt; /* results of transposes and Hessian products in lanes; zeros for time */
+    gradient values, along;           /* results: of one vector of weights, and in lanes */
+    scalar *no_dt;                    /* zeros for time */
     scalar *weights, *b;              /* weights of udot, for transposes in lanes and for Hessian products */
 };
 
@@ -34,9 +40,19 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     c->lambda = ordernm_numbers(&of, size);
     c->nu = ordernm_numbers(&of, size);
     for (int i = 0; i < MOST_STAGES; ++i) c->kappa[i] = ordernm_numbers(&of, size);
-    scalar **const lanes[] = {&c->dq, &c->du, &c->dp, &c->dinputs, &c->dt, &c->no_dt, &c->weights, &c->b};
-    const long entries[] = {s->nq, s->nu, s->np, s->ninputs, 1, 1, s->nu, s->nu};
-    for (int i = 0; i < 8; ++i) *lanes[i] = ordernm_numbers(&of, entries[i]*LANES);
+    gradient *const both[] = {&c->along, &c->values};
+    for (int i = 0; i < 2; ++i) {
+        gradient *const g = both[i];
+        const long lanes = i ? 1 : LANES;
+        g->q = ordernm_numbers(&of, s->nq*lanes);
+        g->u = ordernm_numbers(&of, s->nu*lanes);
+        g->p = ordernm_numbers(&of, s->np*lanes);
+        g->inputs = ordernm_numbers(&of, s->ninputs*lanes);
+        g->t = ordernm_numbers(&of, lanes);
+    }
+    c->no_dt = ordernm_numbers(&of, LANES);
+    c->weights = ordernm_numbers(&of, s->nu*LANES);
+    c->b = ordernm_numbers(&of, s->nu);
     return of.used;
 }
 
@@ -188,29 +204,30 @@ static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int wid
 }
 
 /* Adds the results of a function to an adjoint and to the gradients: of values, or of the directions of a group. */
-static void add(ordernm_curvature *c, scalar t, scalar *nu, const group *g)
+static void add(ordernm_curvature *c, scalar t, const gradient *of, scalar *nu, const group *g)
 {
     const ordernm_system *const s = c->motion->system;
     const int width = g ? g->width : 1, used = g ? g->used : 1;
     const long from = g ? 1 + g->first : 0;
     scalar *const to = nu + (g ? g->at : 0);
     for (int i = 0; i < s->nfree_q; ++i)
-        for (int l = 0; l < width; ++l) to[i*width + l] += c->dq[s->free_q[i]*width + l];
+        for (int l = 0; l < width; ++l) to[i*width + l] += of->q[s->free_q[i]*width + l];
     for (int i = 0; i < s->nfree_u; ++i)
-        for (int l = 0; l < width; ++l) to[(s->nfree_q + i)*width + l] += c->du[s->free_u[i]*width + l];
+        for (int l = 0; l < width; ++l) to[(s->nfree_q + i)*width + l] += of->u[s->free_u[i]*width + l];
     for (int l = 0; l < used; ++l)
-        for (int i = 0; i < s->np; ++i) c->found->p[(from + l)*s->np + i] += c->dp[i*width + l];
-    if (s->ninputs) add_inputs(c, t, c->dinputs, width, from, used, 1.0);
+        for (int i = 0; i < s->np; ++i) c->found->p[(from + l)*s->np + i] += of->p[i*width + l];
+    if (s->ninputs) add_inputs(c, t, of->inputs, width, from, used, 1.0);
 }
 
 /* Clears the memory of a function's results. */
 static void clear(ordernm_curvature *c, int width)
 {
     const ordernm_system *const s = c->motion->system;
-    memset(c->dq, 0, s->nq*width*sizeof(scalar));
-    memset(c->du, 0, s->nu*width*sizeof(scalar));
-    memset(c->dp, 0, s->np*width*sizeof(scalar));
-    memset(c->dinputs, 0, s->ninputs*width*sizeof(scalar));
+    const gradient *const of = &c->along;
+    memset(of->q, 0, s->nq*width*sizeof(scalar));
+    memset(of->u, 0, s->nu*width*sizeof(scalar));
+    memset(of->p, 0, s->np*width*sizeof(scalar));
+    memset(of->inputs, 0, s->ninputs*width*sizeof(scalar));
 }
 
 /* Arguments at a state of which all coordinates are known. */
@@ -220,46 +237,100 @@ static void arguments(ordernm_curvature *c, scalar t, const scalar *z, const sca
     if (!c->motion->identity) call->q = q;
 }
 
+/* Sets weights of udot in lanes: values of kappa, or its tangents along the directions of a group. */
+static void set_weights(ordernm_curvature *c, const scalar *kappa, const group *g)
+{
+    const ordernm_system *const s = c->motion->system;
+    const int width = g ? g->width : 1;
+    memset(c->weights, 0, s->nu*width*sizeof(scalar));
+    for (int i = 0; i < s->nfree_u; ++i)
+        memcpy(c->weights + s->free_u[i]*width, kappa + (g ? g->at : 0) + (s->nfree_q + i)*width, width*sizeof(scalar));
+}
+
+/* Adds the adjoints of coordinates to those of speeds, which are their rates. */
+static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *nu, const group *g)
+{
+    const int n = c->motion->system->nfree_q*(g ? g->width : 1);
+    const long at = g ? g->at : 0;
+    for (int i = 0; i < n; ++i) nu[at + n + i] += kappa[at + i];
+}
+
 /* nu += f_z^T kappa for values, or for the directions of a group, whose weights are the tangents of kappa. */
 static int transposed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu,
     const group *g)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
-    const int width = g ? g->width : 1;
-    const long at = g ? g->at : 0;
     ordernm_call call;
     arguments(c, t, z, q, &call);
-    clear(c, width);
-    memset(c->weights, 0, s->nu*width*sizeof(scalar));
-    for (int i = 0; i < s->nfree_u; ++i)
-        memcpy(c->weights + s->free_u[i]*width, kappa + at + (s->nfree_q + i)*width, width*sizeof(scalar));
+    clear(c, g ? g->width : 1);
+    set_weights(c, kappa, g);
     call.qdot = m->qdot, call.udot = m->udot;
     call.dudot = c->weights;
-    call.dq = c->dq, call.du = c->du, call.dp = c->dp, call.dinputs = c->dinputs, call.dt = c->dt;
+    call.dq = c->along.q, call.du = c->along.u, call.dp = c->along.p, call.dinputs = c->along.inputs, call.dt = c->along.t;
     const int status = s->sensitivities_transposed[g ? g->index : ORDERNM_ONE](&call);
     if (status) return status;
-    add(c, t, nu, g);
-    for (int i = 0; i < s->nfree_q*width; ++i) nu[at + s->nfree_q*width + i] += kappa[at + i]; /* rates of coordinates are speeds */
+    add(c, t, &c->along, nu, g);
+    add_rates(c, kappa, nu, g);
     return 0;
+}
+
+/* Arguments of Hessian products along the directions of a group, with kappa as weights. */
+static void directed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, const group *g,
+    ordernm_call *call)
+{
+    const ordernm_system *const s = c->motion->system;
+    arguments(c, t, z, q, call);
+    ordernm_seeds(c->motion, t, z, g, call);
+    call->dt = c->no_dt;
+    for (int i = 0; i < s->nfree_u; ++i) c->b[s->free_u[i]] = kappa[s->nfree_q + i];
+    call->b = c->b;
+    call->dgq = c->along.q, call->dgu = c->along.u, call->dgp = c->along.p;
+    call->dginputs = c->along.inputs, call->dgt = c->along.t;
+    ++c->found->products;
 }
 
 /* Adds (f_zz dz + f_zp dp)^T kappa along the directions of a group. */
 static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu, const group *g)
 {
-    ordernm_motion *const m = c->motion;
-    const ordernm_system *const s = m->system;
     ordernm_call call;
-    arguments(c, t, z, q, &call);
-    ordernm_seeds(m, t, z, g, &call);
+    directed(c, t, z, q, kappa, g, &call);
     clear(c, g->width);
-    call.dt = c->no_dt;
-    for (int i = 0; i < s->nfree_u; ++i) c->b[s->free_u[i]] = kappa[s->nfree_q + i];
-    call.b = c->b;
-    call.dgq = c->dq, call.dgu = c->du, call.dgp = c->dp, call.dginputs = c->dinputs, call.dgt = c->dt;
-    const int status = s->hessian_products[g->index](&call);
-    ++c->found->products;
-    if (!status) add(c, t, nu, g);
+    const int status = c->motion->system->hessian_products[g->index](&call);
+    if (!status) add(c, t, &c->along, nu, g);
+    return status;
+}
+
+/* nu += f_z^T kappa, for values and along all directions, by one function for each group. */
+static int together(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu)
+{
+    ordernm_motion *const m = c->motion;
+    const gradient *const v = &c->values;
+    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) {
+        ordernm_call call;
+        directed(c, t, z, q, kappa, g, &call);
+        set_weights(c, kappa, g);
+        call.db = c->weights;
+        call.gradient_q = v->q, call.gradient_u = v->u, call.gradient_p = v->p, call.gradient_inputs = v->inputs, call.gradient_t = v->t;
+        const int status = m->system->gradient_tangents[g->index](&call);
+        if (status) return status;
+        add(c, t, &c->along, nu, g);
+        add_rates(c, kappa, nu, g);
+    }
+    add(c, t, v, nu, 0);
+    add_rates(c, kappa, nu, 0);
+    return 0;
+}
+
+/* The same by separate functions. */
+static int one_by_one(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu)
+{
+    ordernm_motion *const m = c->motion;
+    int status = transposed(c, t, z, q, kappa, nu, 0);
+    for (const group *g = m->groups; !status && g < m->groups + m->ngroups; ++g) {
+        status = transposed(c, t, z, q, kappa, nu, g);
+        if (!status) status = curved(c, t, z, q, kappa, nu, g);
+    }
     return status;
 }
 
@@ -331,11 +402,7 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
         const scalar *const q = stages + (i + 1)*record - s->nq;
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
-        if (weighted && (status = transposed(c, t, m->trial, q, kappa, c->nu, 0))) return status;
-        for (const group *g = m->groups; weighted && g < m->groups + m->ngroups; ++g) {
-            if ((status = transposed(c, t, m->trial, q, kappa, c->nu, g))) return status;
-            if ((status = curved(c, t, m->trial, q, kappa, c->nu, g))) return status;
-        }
+        if (weighted && (status = (s->gradient_tangents[0] ? together : one_by_one)(c, t, m->trial, q, kappa, c->nu))) return status;
         if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
         accumulate(c->lambda, 1.0, c->nu, m->size);
         for (int j = 0; j < r->count; ++j) accumulate(c->kappa[r->which[j]], h*r->factor[j], c->nu, m->size);

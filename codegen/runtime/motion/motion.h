@@ -32,8 +32,9 @@ typedef struct {
     ordernm_scalar *switches, *dswitches;
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
-    const ordernm_scalar *b; /* weights of udot in Hessian products, whose results follow */
+    const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents; the results follow */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
+    ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
     ordernm_scalar *work;
     void *precise_work;       /* of long doubles */
 } ordernm_call;
@@ -92,7 +93,8 @@ typedef struct {
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
-    ordernm_function *hessian_products[ORDERNM_WIDTHS];
+    ordernm_function *hessian_products[ORDERNM_WIDTHS]; /* only with loops; trees have the next function */
+    ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* weights with tangents, and the gradient among the results */
 } ordernm_system;
 
 /* ---- Input. ---- */
