@@ -13,6 +13,7 @@ from random_mechanisms import random_mechanisms
 from random_models import EVERY, random_state, random_tree
 from runtime.test_statics import BALL, CART, PARALLELOGRAM, PENDULUM
 from scipy.integrate import solve_ivp
+from second_derivatives import observed_mechanism, observed_tree
 from split_mechanisms import by_hand
 
 import codegen
@@ -325,6 +326,44 @@ def test_split_joints_in_motion(made, name):
 def test_random_mechanisms_in_motion(made):
     for _, drawn in random_mechanisms(1, first=11, bodies=(3, 3), loops=(1, 1), scene="spatial"):
         check(made(drawn.model), drawn.model, drawn[1:6], names=solver_names(drawn))
+
+
+LINEARISED = "simulate,statics,states,dynamics,rates,outputs"
+CURVED = "hessian_products,output_hessian_products"
+
+
+def with_and_without_products(model, folder):
+    """The same model without and with compiled second derivatives."""
+    for name, more in (("without", ""), ("with", f",{CURVED}")):
+        codegen.generate(model, folder / name, functions=LINEARISED + more)
+    return codegen.load(folder / "without"), codegen.load(folder / "with")
+
+
+@pytest.mark.parametrize(
+    "seed", [1, pytest.param(2, marks=pytest.mark.campaign), pytest.param(3, marks=pytest.mark.campaign)]
+)
+def test_compiled_second_derivatives_of_random_trees(tmp_path, seed):
+    """Quaternions, inputs and outputs, in motion: compiled Hessian products against the NumPy module on dual numbers."""
+    model, state = observed_tree(seed)
+    same_derivatives(*with_and_without_products(model, tmp_path), state)
+
+
+def test_compiled_second_derivatives_of_a_mechanism(tmp_path):
+    model, state = observed_mechanism(25, scene="planar", bodies=(2, 3), loops=(1, 1))
+    same_derivatives(*with_and_without_products(model, tmp_path), state)
+
+
+def same_derivatives(without, compiled, state):
+    q, u, p, inputs, t = state
+    names = [*without.parameter_names, *(f"inputs.{n}" for n in without.input_names)]
+    found, expected = (
+        s.linearize(q, u, p, inputs, t, outputs=list(s.output_names)).sensitivities(names, moving=False)
+        for s in (compiled, without)
+    )
+    assert compiled._statics._opened.functions.get("hessian_products")
+    for matrix, x, y in zip("ABCD", found, expected, strict=True):
+        assert np.abs(x - y).max(initial=0.0) <= 1e-11 * max(1.0, np.abs(y).max(initial=0.0)), matrix
+    assert np.abs(expected.A).max() > 0.0
 
 
 def solver_names(drawn):

@@ -211,9 +211,10 @@ class Linearization:
 
         Notes
         -----
-        The matrices hold first derivatives of the dynamics, so these are second derivatives. The statements of the
-        package's NumPy module compute them on dual numbers, which carry derivatives along the k parameters through the
-        code for derivatives along the 2n states. There is no step size.
+        The matrices hold first derivatives of the dynamics, so these are second derivatives. If the package contains
+        ``hessian_products`` (and ``output_hessian_products`` for C and D), this C computes them. If not, the statements
+        of the package's NumPy module compute them on dual numbers, which carry derivatives along the k parameters
+        through the code for derivatives along the 2n states. There is no step size.
 
         Examples
         --------

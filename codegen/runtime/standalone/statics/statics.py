@@ -106,7 +106,7 @@ class Statics(Room):
                 _, _, dq, du = self._assembled_along(at, held, along.p)
             lost = np.isnan(dq).any(axis=1)
             dq[lost] = 0.0
-            found = equations.derivatives(second(), Motion(dq, du, along.p, along.inputs))
+            found = equations.derivatives(second, Motion(dq, du, along.p, along.inputs))
             for x in found:
                 x[lost] = np.nan
             return found

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import Array
 from ..calls.package import Package, state
+from ..state.derivatives import CURVED
 from .jets import Jet
 from .linearization import Matrices
 from .second_derivatives import SecondDerivatives
 from .tangent_space import TangentSpace
 
 NUMBERS = 4096
-"""Largest number of directions times parameters per call of the NumPy module, which limits the memory."""
+"""Largest number of directions times parameters per call, which limits the memory."""
 
 
 class Point(NamedTuple):
@@ -55,6 +57,7 @@ class TangentEquations:
 
     def __init__(self, package: Package, space: TangentSpace, at: Point, outputs: list[int]):
         self._call, self.space, self.at, self.outputs = package._call, space, at, outputs
+        self._functions, self._noutputs = package._functions, package.noutputs
         n, ninputs = space.n, len(at.inputs)
         self.tangents: Array = self._call("coordinate_rates", (at.q, space.units, at.p, None, 0.0))[0]
         self.seeds: dict[str, Any] = {
@@ -74,30 +77,51 @@ class TangentEquations:
         own = self.space.speeds
         return udot[own], self._matrices(self._bracket(), np.eye(self.space.n), dudot[:, own], dy)
 
-    def derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
-        """Derivatives (m, ...) of the matrices if the state changes by `along`."""
+    def derivatives(self, second: Callable[[], SecondDerivatives], along: Motion) -> Matrices:
+        """Derivatives (m, ...) of the matrices if the state changes by `along`.
+
+        They come from compiled Hessian products if the package has them, else from `second`, the NumPy module on dual numbers.
+        """
         width = max(1, NUMBERS // max(1, len(self.seeds["dq"])))
         starts = range(0, max(1, len(along.p)), width)
         parts = [self._derivatives(second, Motion(*(x[i : i + width] for x in along))) for i in starts]
         return Matrices(*(np.concatenate(found) for found in zip(*parts, strict=True)))
 
-    def _derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
-        at, n = self.at, self.space.n
-        m = len(along.p)
+    def _derivatives(self, second: Callable[[], SecondDerivatives], along: Motion) -> Matrices:
+        at, n, m = self.at, self.space.n, len(along.p)
         dN = self._rates_along(at.q, self.space.units, dq=along.q[:, None], dp=along.p[:, None])[1]  # shape (m, n, nq)
-        given = {
+        dudot = self._changes("accelerations", self.space.speeds, second, along, dN)
+        dy = np.zeros((m, dudot.shape[1], 0))
+        if self.outputs:
+            dy = self._changes("outputs", self.outputs, second, along, dN)
+        return self._matrices(self._bracket_derivatives(second, along, dN), np.zeros((n, n)), dudot, dy)
+
+    def _changes(self, of: str, rows: Any, second: Callable[[], SecondDerivatives], along: Motion, dN: Array) -> Array:
+        """Changes (m, 2n + ninputs, rows) of the derivatives of some results along the seeds, whose tangents change by dN."""
+        first = "sensitivities" if of == "accelerations" else "output_sensitivities"
+        if CURVED[of].wanted.name not in self._functions or not len(dN):
+            slope = np.zeros((*self.seeds["dq"].shape, len(dN)))
+            slope[: self.space.n] = np.moveaxis(dN, 0, -1)
+            seeds = {**self.seeds, "dq": Jet(self.seeds["dq"], slope)}
+            return np.moveaxis(second().along(first, self._moved(along), seeds)[1].slope[:, rows], -1, 0)
+        size = len(self.at.u) if of == "accelerations" else self._noutputs
+        weights = np.eye(size)[rows]
+        states = tuple(np.broadcast_to(x, (len(rows), *np.shape(x))) for x in self.at)
+        seeds_of = tuple(np.broadcast_to(x[:, None], (len(x), len(rows), x.shape[1])) for x in along)
+        changes = self._call(CURVED[of].wanted, (*states, weights), (*seeds_of, None))
+        pairs = ((changes[0], "dq"), (changes[1], "du"), (changes[3], "dinputs"))
+        found = np.swapaxes(sum(x @ self.seeds[name].T for x, name in pairs), 1, 2)
+        turned = self._call(first, tuple(self.at), (dN.reshape(-1, dN.shape[2]), None, None, None, None))[1][:, rows]
+        found[:, : self.space.n] += turned.reshape(*dN.shape[:2], len(rows))
+        return found
+
+    def _moved(self, along: Motion) -> dict[str, Any]:
+        """The state, as dual numbers that change by `along`."""
+        at = self.at
+        return {
             "q": Jet(at.q, along.q.T), "u": Jet(at.u, along.u.T), "p": Jet(at.p, along.p.T),
             "inputs": Jet(at.inputs, along.inputs.T), "t": at.t,
         }  # fmt: skip
-        slope = np.zeros((*self.seeds["dq"].shape, m))
-        slope[:n] = np.moveaxis(dN, 0, -1)
-        with_slope = {**self.seeds, "dq": Jet(self.seeds["dq"], slope)}
-        dudot = second.along("sensitivities", given, with_slope)[1].slope[:, self.space.speeds]
-        dy = np.zeros((len(dudot), 0, m))
-        if self.outputs:
-            dy = second.along("output_sensitivities", given, with_slope)[1].slope[:, self.outputs]
-        dW, none = self._bracket_derivatives(second, given, dN), np.zeros((n, n))
-        return self._matrices(dW, none, np.moveaxis(dudot, -1, 0), np.moveaxis(dy, -1, 0))
 
     def _rates_along(self, q: Array, u: Array, dq: Array, dp: Array | None = None) -> tuple[Array, Array]:
         """qdot of a state, and its derivatives along seeds."""
@@ -113,15 +137,15 @@ class TangentEquations:
         there = self._rates_along(q, self.space.units, dq=qdot)[1][0]
         return self.space.components(self.tangents, here - there).T
 
-    def _bracket_derivatives(self, second: SecondDerivatives, given: dict[str, Any], dN: Array) -> Array:
+    def _bracket_derivatives(self, second: Callable[[], SecondDerivatives], along: Motion, dN: Array) -> Array:
         """Derivatives of W (n, n) with respect to m parameters, (m, n, n)."""
         m, n = dN.shape[:2]
         if not self.moves:
             return np.zeros((m, n, n))
-        tangents = Jet(self.tangents, np.moveaxis(dN, 0, -1))
-        qdot, here = second.along("coordinate_rate_sensitivities", given, {"dq": tangents})
+        tangents, given, module = Jet(self.tangents, np.moveaxis(dN, 0, -1)), self._moved(along), second()
+        qdot, here = module.along("coordinate_rate_sensitivities", given, {"dq": tangents})
         units = {**given, "u": self.space.units}
-        there = second.along("coordinate_rate_sensitivities", units, {"dq": Jet(qdot.value[None], qdot.slope[None])})[1]
+        there = module.along("coordinate_rate_sensitivities", units, {"dq": Jet(qdot.value[None], qdot.slope[None])})[1]
         W = self._bracket()
         change = here.slope - there.slope[0]  # (n, nq, m): derivatives of N W
         found = [self.space.components(self.tangents, change[..., j] - W.T @ dN[j]).T for j in range(m)]
