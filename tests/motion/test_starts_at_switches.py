@@ -254,3 +254,61 @@ def test_a_start_at_two_jumps_that_cancel(made: Callable[..., Made], method: str
         )
     assert np.isnan(found.gradients[:, :2]).all()
     assert found.gradients[:, 2:] == pytest.approx(np.array([[1, 0.5], [0, 1]]), abs=1e-12)
+
+
+ROOTS = """
+model: roots
+parameters: {a: 0.0, k: 5.0, g: 0.0, b: -10.0}
+bodies:
+  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  y: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  x: {type: joint, joint: x, value: g}
+  y: {type: joint, joint: y, value: "LAW"}
+initial: {u: {x: 2.0}}
+outputs: {y: {value: q.y}, w: {value: u.y}}
+"""
+LAWS = {
+    "k*sqrt(max(0, q.x - a))": 0.5,
+    "k*sqrt(abs(q.x - a))": 0.5,
+    "k*abs(q.x - a)**0.3": 0.3,
+    "k*abs(q.x - a)**0.7": 0.7,
+}
+"""Laws, and their exponents."""
+BY_ROOTS = ["a", "k", "q0.x", "u0.x", "u0.y"]
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+@pytest.mark.parametrize("law", LAWS)
+def test_a_start_with_a_speed_at_the_zero_of_a_root(made: Callable[..., Made], law: str, integrator: str) -> None:
+    """u.y = k v^n T^(n + 1)/(n + 1): the derivative of the force is infinite at the start, its integral is not."""
+    solver: Any = made(parsed, ROOTS.replace("LAW", law)).solver
+    n, k, v, t = LAWS[law], 5.0, 2.0, 1.5
+    w, y = k * v**n * t ** (n + 1) / (n + 1), k * v**n * t ** (n + 2) / ((n + 1) * (n + 2))
+    by_place = k * v ** (n - 1) * np.array([t ** (n + 1) / (n + 1), t**n])  # d/dx0 of both
+    exact = np.array([-by_place, [y / k, w / k], by_place, [n * y / v, n * w / v], [t, 1.0]]).T
+    for way in ("forward", "adjoint"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = solver.judge(t, [Final("y"), Final("w")], wrt=BY_ROOTS, method=way, integrator=integrator)
+        assert found.method == way
+        np.testing.assert_allclose(found.values, [y, w], rtol=1e-7)
+        np.testing.assert_allclose(found.gradients, exact, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [
+        ("k*sqrt(max(0, q.x - a))", {"p": {"g": 1.0}, "u": [0.0, 0.0]}),  # at rest: like e log(e)
+        ("k*sqrt(max(0, q.x - a)) + sqrt(max(0, u.x - 2))", {"p": {"g": 1.0}}),  # two zeros
+    ],
+)
+@pytest.mark.parametrize("way", ["forward", "adjoint"])
+def test_a_start_at_roots_without_derivatives(
+    made: Callable[..., Made], law: str, options: Any, integrator: str, way: str
+) -> None:
+    solver: Any = made(parsed, ROOTS.replace("LAW", law)).solver
+    with pytest.warns(RuntimeWarning, match="do not exist and are NaN"):
+        found = solver.judge(1.5, Final("w"), wrt=["a", "q0.x", "u0.y"], method=way, integrator=integrator, **options)
+    assert np.isnan(found.gradients[0, :2]).all() and found.gradients[0, 2] == pytest.approx(1.0, abs=1e-9)

@@ -49,6 +49,8 @@ static int begin(ordernm_motion *m)
     if (ordernm_wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return ordernm_failed(m->results, status);
     if (!ordernm_all_finite(m->rate[0], m->values)) return ordernm_not_finite(m, m->rate[0]);
+    const int root = m->nheld && m->derived ? ordernm_begin_at_root(m) : -1;
+    if (root >= 0) ordernm_doubt_start(m, root);
     ordernm_lose_infinite(m, m->rate[0]);
     ordernm_note_condition(m, 0, 0);
     int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;

@@ -398,6 +398,7 @@ int ordernm_lost_at_point(ordernm_motion *m, scalar h, const point *at, int n, i
 
 /* powers.c */
 enum { MANY_ROOTS = -2 };
+int ordernm_begin_at_root(ordernm_motion *m);
 int ordernm_beside_root(ordernm_motion *m, const trial *step);
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error);
 int ordernm_growing_power(ordernm_motion *m, const trial *step);
@@ -405,6 +406,7 @@ int ordernm_growing_power(ordernm_motion *m, const trial *step);
 /* lost.c */
 void ordernm_lose_infinite(ordernm_motion *m, const scalar *z);
 void ordernm_lose_at_start(ordernm_motion *m);
+void ordernm_doubt_start(ordernm_motion *m, int k);
 void ordernm_lose_at_knot(ordernm_motion *m);
 void ordernm_look_at_samples(ordernm_motion *m);
 void ordernm_look_for_lost(ordernm_motion *m, const trial *step);

@@ -357,6 +357,12 @@ void ordernm_lose_at_start(ordernm_motion *m)
     }
 }
 
+/* Without directions, records that derivatives may not exist because of a switch at which the motion begins. */
+void ordernm_doubt_start(ordernm_motion *m, int k)
+{
+    if (!m->ngroups && !m->results->lost_count) note(m, ORDERNM_BEGINS, k);
+}
+
 /* Marks directions as lost that move a switch with a jump whose function is zero at a knot of the inputs, and changes its rate there. */
 void ordernm_lose_at_knot(ordernm_motion *m)
 {

@@ -93,6 +93,44 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
+/* The root at whose zero the motion begins with a speed; -1 if it begins at rest there, or also at another zero of a root. `some` receives
+ * the last root at whose zero the motion begins, else -1. Marks the root as passed at the start. */
+static int root_at_start(ordernm_motion *m, int *some)
+{
+    const trial none = {.event = -1};
+    int first = -1, rests = 0;
+    *some = -1;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i], free = m->modes[k] == 0.0; /* without a mode: rests at the zero */
+        scalar speed = 0.0;
+        if (m->system->switch_kind[k] != ORDERNM_ROOT || !(free || ordernm_begins_at_zero(m, k, &speed))) continue;
+        *some = k;
+        rests |= speed == 0.0;
+        if (first < 0) first = k;
+        m->changed[k] = m->t;
+    }
+    return first >= 0 && !rests && have_one_zero(m, &none) ? first : -1;
+}
+
+/* If the motion begins with a speed at the zero of a root, the first step treats the root as one that was just passed. Rates of derivatives
+ * along directions that move this zero are infinite at the start, but not needed: they become zero. Returns a root at whose zero the motion
+ * begins otherwise, so that some derivatives may not exist; -1 if there is none. */
+int ordernm_begin_at_root(ordernm_motion *m)
+{
+    int some;
+    const int k = root_at_start(m, &some);
+    if (k < 0 || ordernm_switch_along(m, m->t, m->z, k)) {
+        for (int i = 0; i < m->system->nswitches; ++i) m->changed[i] = -INFINITY;
+        return some;
+    }
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *const g = m->groups + n;
+        for (int l = 0; l < g->width; ++l)
+            for (long i = 0; m->switch_along[n*LANES + l] != 0.0 && i < m->ny + m->nx; ++i) m->rate[0][g->at + i*g->width + l] = 0.0;
+    }
+    return -1;
+}
+
 /* The error of derivatives in a step near the zero of a power or root; else 0. `error` is the error of the state; the step may end at the
  * zero. Records a step as short as LEAST that starts or ends at the zero of a root. Sets m->advice for the step size. */
 scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar error)
