@@ -16,6 +16,7 @@ from .dependents import choose_dependents, ranks, whole_joints
 from .ears import Partition
 from .errors import AssemblyError, listed
 from .geometry import Geometry, advance, evaluator, parameter_values
+from .odd_axes import axes_to_check
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 
@@ -321,23 +322,23 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     moved = [model.speed_names[s] for s in ring.joints.speeds[movable]]
     rank = int(ranks(ring.evaluate(outcome.q)[1][..., movable])[0])
     if angle > 3:
-        advice = "its faces are turned by pi relative to each other: turn one of them, or reverse an axis in its body"
+        remedy = "its faces are turned by pi relative to each other: turn one of them, or reverse an axis in its body"
     elif outcome.residual <= model.loop_tolerance and rank < len(owner):
-        advice = (
+        remedy = (
             f"this is within loop_tolerance, {model.loop_tolerance:g}, which covers only conditions that no joint changes. "
             "Near this pose joints change them: links in one line are too short or too long by the residual. Change a length by "
             "a little more than the residual, or give values under `initial` away from this pose"
         )
     elif outcome.residual < 1e-3 and rank < len(owner):
-        advice = (
+        remedy = (
             "an overconstrained loop closes only if its lengths and axes fit exactly, or if its redundant conditions fit within "
             f"loop_tolerance, {model.loop_tolerance:g}: give lengths and axes with all digits, or set loop_tolerance: "
             f"{float(f'{2 * outcome.residual:.0e}'):g}"
         )
     else:
-        advice = (
-            "links may be too short or too long, or other initial coordinates too far off: check lengths and axes, and the "
-            "values under `initial`"
+        remedy = (
+            "links may be too short or too long, or other initial coordinates too far off: check lengths and the values under "
+            f"`initial`, and {axes_to_check(g, [worst])}"
         )
     if loop.is_coupling:
         residual = abs(mine[0][0])
@@ -350,7 +351,7 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     return AssemblyError(
         f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "
         f"{gap:.3g} m and {angle:.3g} rad remain after moving {listed(moved) or 'nothing'} (rank {rank}, "
-        f"{len(owner)} conditions); {advice}",
+        f"{len(owner)} conditions); {remedy}",
         loop.name,
         outcome.residual,
     )

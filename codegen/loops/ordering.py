@@ -20,6 +20,7 @@ from .ancestry import NewJoints
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError, listed, loops_named
 from .geometry import Geometry
+from .odd_axes import axes_to_check
 from .tangles import untangled
 from .velocities import Motion, VelocityClosure, is_lone_coupling
 
@@ -253,7 +254,8 @@ def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
     if not sharing:
         model = sweep.geometry.model
         names = [model.loops[k].name for k in ear]
-        raise PartitionError(f"{loops_named(model, ear)}: {stuck.text}", names, stuck.refused)
+        text = f"{stuck.text}{', or ' if stuck.refused else '; '}{axes_to_check(sweep.geometry, ear)}"
+        raise PartitionError(f"{loops_named(model, ear)}: {text}", names, stuck.refused)
     for other, length in _others(order, i, sharing[:NEIGHBOURS]):
         if sweep.run(other[:length])[1] is None:
             return other

@@ -27,6 +27,7 @@ from .doubts import POOR_CONDITION, doubts_of, ignored_speeds, moved_far, nearly
 from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError, listed, loops_named
 from .geometry import Geometry, advance, padded
+from .odd_axes import axes_to_check
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark, turned_round
 from .tangles import closed_together
@@ -421,8 +422,8 @@ def _partition(
     if not independent:
         raise PartitionError(
             f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
-            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)}, or give a joint one more "
-            f"degree of freedom"
+            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)}, give a joint one more "
+            f"degree of freedom, or {axes_to_check(geometry, range(len(geometry.model.loops)))}"
         )
     known = redundancy or Redundancy()
     ears = tuple(_ear(geometry, d, known) for d in drafts)
