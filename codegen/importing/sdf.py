@@ -22,7 +22,7 @@ from .sdf_scopes import NAMED, Item, Scope, Scopes
 from .sdf_shapes import ShapeReader
 from .sdf_tree import TreeMaker
 from .xml_reading import Element
-from .xml_values import RobotReader, hex_color, is_true, is_version, place_of, version_of
+from .xml_values import RobotReader, is_true, is_version, place_of, version_of
 
 _LINK: Final = {"pose", "inertial", "visual", "collision", "gravity"}
 _MODEL: Final = {"pose", "static", "model", "include", *NAMED}
@@ -207,7 +207,9 @@ class _Reader(RobotReader):
     def color(self, shown: Element) -> str:
         material = shown.first("material")
         diffuse = None if material is None else material.first("diffuse")
-        return "" if diffuse is None else hex_color(diffuse.text)
+        if material is None:
+            return ""
+        return self.hex_color("" if diffuse is None else diffuse.text, material)
 
     def inertia(self, element: Element) -> Inertia:
         self.leave_out_children(element, ("pose", "mass", "inertia", "density", "auto_inertia_params"))

@@ -31,7 +31,7 @@ from .robot import (
     symmetric,
 )
 from .xml_reading import Element
-from .xml_values import RobotReader, Sizes, hex_color, is_version, place_of, version_of
+from .xml_values import RobotReader, Sizes, is_version, place_of, version_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
@@ -253,8 +253,8 @@ class _Reader(RobotReader):
         shared = (e for e in self.root.all("material") if e.attributes.get("name") == name)
         for found in (material, *shared):
             if (color := found.first("color")) is not None:
-                return hex_color(color.attributes.get("rgba", ""))
-        return ""
+                return self.hex_color(color.attributes.get("rgba", ""), material)
+        return self.hex_color("", material)
 
     def joint(self, element: Element, name: str, types: Mapping[str, str] = TYPES) -> None:
         self.leave_out_rest(element, _JOINT | set(_REMARKS))

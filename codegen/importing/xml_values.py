@@ -218,20 +218,32 @@ class RobotReader(Values, ABC):
             if child.tag == "mesh":
                 uri = child.first(file)
                 name = uri.text.strip() if uri is not None else child.attributes.get(file, "")
-                missing = self.files.missing(name)
+                missing = self.files.missing(name) if is_visual else None  # nothing reads a mesh for collisions
                 if is_visual and missing is None:
                     return Solid("mesh", scale(self, child), frame, True, self.color(shown), str(self.files.find(name)))
-                self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", place_of(child), effect)
+                why = f", {missing}" if missing else ""
+                self.robot.leave_out(f"<{shown.tag}> of a mesh{why}", place_of(child), effect)
                 continue
             if not (is_visual and child.tag in VISIBLE):
                 self.robot.leave_out(f"<{shown.tag}> of a {child.tag}", place_of(child), effect)
             if child.tag in sizes:
-                return Solid(child.tag, sizes[child.tag](self, child), frame, is_visual, self.color(shown))
+                return Solid(
+                    child.tag, sizes[child.tag](self, child), frame, is_visual, self.color(shown) if is_visual else ""
+                )
         return None
 
     def color(self, shown: Element) -> str:
         """Colour of a <visual>, ``#rrggbbaa``; ``""`` if it has none."""
         return ""
+
+    def hex_color(self, text: str, material: Element) -> str:
+        """Colour of a material, as `hex_color`; a material without one is listed as left out."""
+        color = hex_color(text)
+        if not color:
+            name = material.attributes.get("name", "")
+            what = f"<material>{f' {shortened(name)}' if name else ''} without a valid colour"
+            self.robot.leave_out(what, place_of(material), Effect.NONE)
+        return color
 
     def whole(self) -> Robot:
         """Read the whole robot, or raise its errors.

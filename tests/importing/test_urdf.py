@@ -188,7 +188,7 @@ def test_what_is_left_out_is_listed_with_its_lines(tmp_path):
     ).replace("<axis ", '<axis frame="x" ')  # fmt: skip
     found = imported(tmp_path, text)
     assert set(found.left_out) == {
-        "<mesh>, package 'nowhere' not found (--package-path) (line 3): no effect on the dynamics",
+        "<visual> of a mesh, package 'nowhere' not found (--package-path) (line 3): no effect on the dynamics",
         "<limit> (line 4): of position, speed and force; acts at stops and contacts only",
         "friction of <dynamics> (line 4): dry friction of joints; the dynamics differ",
         "<safety_controller> (line 4): limits of controllers; acts when driven only",
@@ -210,10 +210,12 @@ def test_packages_are_found_where_they_may_be(tmp_path, monkeypatch):
     text = robot(link("base"), link("arm", more=mesh), joint("j", "base", "arm"))
     folder = tmp_path / "ws" / "arm_description"
     (folder / "meshes").mkdir(parents=True)
-    missing = "<mesh>, package 'arm_description' not found (--package-path) (line 3): no effect on the dynamics"
+    missing = (
+        "<visual> of a mesh, package 'arm_description' not found (--package-path) (line 3): no effect on the dynamics"
+    )
     assert missing in imported(tmp_path, text).left_out
     assert (
-        "<mesh>, file not found (line 3): no effect on the dynamics"
+        "<visual> of a mesh, file not found (line 3): no effect on the dynamics"
         in imported(tmp_path, text, package_paths=[tmp_path / "ws"]).left_out
     )
     (folder / "meshes" / "arm.stl").write_text("solid")

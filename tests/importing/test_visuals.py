@@ -75,6 +75,29 @@ def test_those_of_an_sdf_too(tmp_path):
     assert any(line.startswith("<visual> of a cone") for line in found.left_out)
 
 
+def test_materials_without_a_colour_and_meshes_for_collisions_are_listed(tmp_path):
+    shown = URDF.replace('<color rgba="0.2 0.4 0.6 1"/>', "").replace('rgba="1 0 0 0.5"', 'rgba="red"')
+    collision = '<collision><geometry><mesh filename="package://nowhere/arm.stl"/></geometry></collision>'
+    assert shown.count("</link>") > 1
+    (tmp_path / "arm.stl").write_text("solid")
+    (tmp_path / "shown.urdf").write_text(shown.replace("</link>", f"{collision}</link>", 1))
+    found = codegen.import_model(tmp_path / "shown.urdf")
+    assert [color for *_, color, _ in visuals(found)] == ["", "", ""]
+    assert {
+        "<collision> of a mesh (line 3): acts at stops and contacts only",
+        "<material> 'steel' without a valid colour (line 5): no effect on the dynamics",
+        "<material> without a valid colour (line 10): no effect on the dynamics",
+    } <= {*found.left_out}
+    (tmp_path / "shown.sdf").write_text("""<sdf version="1.10"><model name="shown">
+      <link name="arm"><inertial><mass>1</mass></inertial>
+        <visual name="v"><geometry><sphere><radius>1</radius></sphere></geometry>
+          <material><script><name>Gazebo/Grey</name></script></material></visual></link>
+      <joint name="j" type="revolute"><parent>world</parent><child>arm</child><axis><xyz>0 0 1</xyz></axis></joint>
+    </model></sdf>""")
+    found = codegen.import_model(tmp_path / "shown.sdf")
+    assert "<material> without a valid colour (line 4): no effect on the dynamics" in found.left_out
+
+
 def test_fixed_scenery_is_on_the_ground(tmp_path):
     pytest.importorskip("mujoco", reason="MuJoCo reads MJCF: pip install mujoco")
     (tmp_path / "shown.xml").write_text("""<mujoco model="shown"><worldbody>
