@@ -51,11 +51,13 @@ _PLACES = {
     "Sweep": "design.sweep", "sweep": "design.sweep", "Variable": "design.variables",
 }  # fmt: skip
 
+_MODULES = {"casadi", "jax", "reference", "runtime", "symbolic", "torch"}
+"""Public modules, which ``import ordernm.NAME`` imports."""
 
 # loading a solver needs neither sympy nor the model format
 __getattr__ = deferred(__name__, _PLACES)
 
 
 def __dir__() -> list[str]:
-    # completion shows the names before they are imported
-    return sorted({*globals(), *__all__})
+    # completion shows public names only, also before they are imported
+    return sorted({*__all__, *(_MODULES & globals().keys())})

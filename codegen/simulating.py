@@ -301,7 +301,8 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
             value = math.nan
         if not (name and is_there and math.isfinite(value)):
             raise RequestError(
-                f"{option} {part}: expected NAME=VALUE with a finite number, such as {option} length=1.2"
+                f"{option} {part}: expected NAME=VALUE with a finite number in SI units (80 mm is 0.08), such as "
+                f"{option} length=1.2"
             )
         if name in found:
             raise RequestError(f"{option}: {name} is given twice, as {found[name]:g} and {value:g}")

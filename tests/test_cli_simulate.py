@@ -327,6 +327,7 @@ WRONG = {
     "-t 1 --atol nan": "--atol is nan",
     "-t 1 -p length": "-p length: expected NAME=VALUE with a finite number",
     "-t 1 -p length=": "-p length=: expected NAME=VALUE",
+    "-t 1 -p length=80mm": "-p length=80mm: expected NAME=VALUE with a finite number in SI units (80 mm is 0.08)",
     "-t 1 -p length=long": "-p length=long: expected NAME=VALUE",
     "-t 1 -p =2": "-p =2: expected NAME=VALUE",
     "-t 1 -p length=inf": "-p length=inf: expected NAME=VALUE with a finite number",

@@ -35,8 +35,18 @@ bodies:
 def test_a_folder_without_package_is_told(tmp_path):
     with pytest.raises(ValueError, match=r"contains no complete generated solver.*generate MODEL\.yaml"):
         codegen.load(tmp_path)
-    with pytest.raises(ValueError, match="contains no complete generated solver"):
+    with pytest.raises(ValueError, match="contains no complete generated solver: there is no such folder"):
         codegen.load(tmp_path / "missing")
+
+
+def test_a_model_file_in_place_of_a_package_is_told(tmp_path):
+    for name, message in (
+        ("rod.yaml", r"a model file, and a solver is a folder; create one with: generate rod\.yaml -o FOLDER"),
+        ("rod.txt", r"it is a file; create one with: generate MODEL\.yaml"),
+    ):
+        (tmp_path / name).write_text("model: rod\n")
+        with pytest.raises(PackageError, match=message):
+            codegen.load(tmp_path / name)
 
 
 def test_a_package_written_anew_is_read_anew(tmp_path):

@@ -114,6 +114,8 @@ class Arguments:
             )
         if n:
             if value.ndim == 0 or value.shape[-1] != n[0]:
+                if not n[0]:
+                    raise ValueError(f"{name} has shape {value.shape}, but {has_none(name)}")
                 shape = f"(k, ..., {n[0]})" if name != of else f"(..., {n[0]})"
                 raise ValueError(
                     f"{name} has shape {value.shape}, expected {shape}: one number for each of {some(self.names[of])}"
@@ -343,11 +345,28 @@ def unknown(what: str, name: Any, known: Sequence[str]) -> ValueError:
     """The error for an unknown name, with the known names and the most similar one."""
     near = difflib.get_close_matches(str(name), known, 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return ValueError(f"{what}: {name!r} is not known; expected one of {some(known)}{hint}")
+    expected = f"; expected one of {some(known)}{hint}" if known else f": {has_none(what)}"
+    return ValueError(f"{what}: {name!r} is not known{expected}")
+
+
+def has_none(what: str) -> str:
+    """What to do about an argument for which the model has no entries."""
+    nouns = {"p": "parameters", "inputs": "inputs", "outputs": "outputs"}
+    return f"the model has no {nouns.get(what.removeprefix('d'), f'entries of {what}')}; leave {what} out"
+
+
+def no_output(what: str, name: str, known: Sequence[str]) -> ValueError:
+    """The error for the name of an output that the model lacks."""
+    there = (
+        f"it has {some(known)}"
+        if known
+        else "it has none; add one under `outputs` of the model file, and generate again"
+    )
+    return ValueError(f"{what}: the model has no output {name!r}; {there}")
 
 
 def some(names: Sequence[str]) -> str:
     """A list of names for a message, shortened if long."""
     if not names:
-        return "(the model has none)"
+        return "none"
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")

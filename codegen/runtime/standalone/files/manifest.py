@@ -50,7 +50,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     PackageError
         If the file is missing, damaged, or not from ordernm.
     """
-    first = "remove the damaged folder, then "  # generate refuses folders that it does not recognise as its own
+    first, model = (
+        "remove the damaged folder, then ",
+        "MODEL.yaml",
+    )  # generate refuses folders that it does not recognise as its own
     try:
         text = (folder / "model.json").read_text(encoding="utf-8")
         if SEAL in text and seal(text[: text.rindex(SEAL)] + "}") == text:
@@ -59,6 +62,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         damaged = json.loads(text)
     except (FileNotFoundError, NotADirectoryError):
         seen, first = "no model.json in it", ""
+        if folder.is_file() and folder.suffix in (".yaml", ".yml"):
+            seen, first, model = "it is a model file, and a solver is a folder", "", folder.name
+        elif not folder.is_dir():
+            seen, first = "it is a file" if folder.exists() else "there is no such folder", ""
     except OSError as error:
         seen = f"its model.json cannot be read ({error.strerror or error})"
     except (ValueError, RecursionError) as error:
@@ -69,7 +76,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         else:
             seen, first = "its model.json is not one that generate wrote", ""
     raise PackageError(
-        f"{folder} contains no complete generated solver: {seen}; {first}create one with: generate MODEL.yaml -o FOLDER"
+        f"{folder} contains no complete generated solver: {seen}; {first}create one with: generate {model} -o FOLDER"
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ....html_tables import html_of
 from ..arrays import Array
-from ..calls.arguments import some
+from ..calls.arguments import no_output
 from ..trajectory.events import Event, of_another_version, take_events
 
 
@@ -180,7 +180,7 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
         names = list(f.samples) if isinstance(f, LeastSquares) else [f.output]
         for name in names:
             if name not in output_names and not (isinstance(f, AtEvent) and name == "t"):
-                raise ValueError(f"{type(f).__name__}: the model has no output {name!r}; it has {some(output_names)}")
+                raise no_output(type(f).__name__, name, output_names)
         if isinstance(f, (At, LeastSquares)):
             times = np.atleast_1d(np.asarray(f.t if isinstance(f, At) else f.times, float))
             if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():

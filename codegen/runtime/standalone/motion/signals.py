@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..calls.arguments import some
+from ..calls.arguments import has_none, some, unknown
 from .inputs import Inputs, Linear
 from .splines import MOST_DEGREE, Rewritten, Through, common_knots, knots_through, pieces, spline_values
 
@@ -124,11 +124,13 @@ def take_inputs(
 def _by_name(
     names: Sequence[str], given: Mapping[Any, Any], moving: Sequence[str], interval: Interval | None
 ) -> list[Signal]:
-    unknown = [k for k in given if k not in names]
-    if unknown:
-        rates = isinstance(unknown[0], str) and unknown[0].partition(".")[0] in moving
-        more = "; time derivatives of inputs follow from their values over time" if rates else ""
-        raise ValueError(f"inputs: {unknown[0]!r} is not known; expected one of {some(names)}{more}")
+    for name in (k for k in given if k not in names):
+        if isinstance(name, str) and name.partition(".")[0] in moving:
+            raise ValueError(
+                f"inputs: {name!r} is not known; expected one of {some(names)}; time derivatives of inputs follow from their "
+                f"values over time"
+            )
+        raise unknown("inputs", name, names)
     return [_signal(f"inputs[{n!r}]", (n,), given.get(n, 0.0), n in moving, interval) for n in names]
 
 
@@ -168,6 +170,8 @@ def _together(signals: list[Signal], moving: tuple[int, ...]) -> Inputs:
 
 def _signal(label: str, names: Sequence[str], given: Any, moves: bool, interval: Interval | None) -> Signal:
     """A signal from a user's value for it. If `names` has several entries, the value has a column for each."""
+    if not names and not (hasattr(given, "__len__") and len(given) == 0):
+        raise ValueError(f"{label} are given, but {has_none(label)}")
     if isinstance(given, tuple) and len(given) in (2, 3) and np.ndim(given[0]) == 1 and not isinstance(given[0], str):
         return _over_time(label, names, *given)
     kinds = {c.__name__ for c in type(given).__mro__}

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....html_tables import html_of, shapes_of
 from ..arrays import Array
-from ..calls.arguments import some
+from ..calls.arguments import no_output
 
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
@@ -153,7 +153,7 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
                 f"{of_another_version(e, [Event])}"
             )
         if e.output not in output_names:
-            raise ValueError(f"events: the model has no output {e.output!r}; it has {some(output_names)}")
+            raise no_output("events", e.output, output_names)
         if e.direction not in DIRECTIONS:
             raise ValueError(f"events: direction is {e.direction!r}; allowed are {', '.join(map(repr, DIRECTIONS))}")
         if not math.isfinite(e.level):
