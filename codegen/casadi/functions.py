@@ -109,7 +109,7 @@ def step(solver: Solver) -> Any:
     """Return a step of the classical Runge-Kutta method as a function of CasADi, ``y_next = f(y, p, inputs, t, h)``.
 
     It is a step of ``solver.simulate(..., method="rk4")`` with constant inputs. The state y is that of `ode`; a
-    quaternion in it is not normalised after the step, as within `simulate`.
+    quaternion in it is not normalised after the step. `simulate` normalises quaternions in its results only.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of combinations spanning the range of A that are compared."""
+"""Number of combinations that are compared, of those whose columns span the range of A."""
 
 MAX_DIVIDED = 6
 """Largest number of rotations or displacements that are tried one by one as the only divided group."""

@@ -274,8 +274,10 @@ class EarClosure:
         return G
 
     def conditions(self, motion: Mapping[int, Pair]) -> Pair:
-        """K_end M_end - K_start M_start of kept conditions, loop below loop, where M are motions (6, c) of mass centres, or
-        None."""
+        """The kept conditions of all loops, one loop below the other: ``K_end M_end - K_start M_start``.
+
+        `motion` has the motions M (6, c) of mass centres; bodies without an entry do not move.
+        """
         (still,) = {x.value.shape[1] for x in motion.values()} or {1}
         rows = []
         for loop, joint in self._loops:

@@ -130,7 +130,7 @@ def loopless(bundles: Sequence[Bundle]) -> set[int]:
 
 
 def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> float:
-    """Multiplications for a closure and its links, each of which `sources` sources move."""
+    """Multiplications for a closure and its links; `sources` has the number of sources that move each link."""
     dependents = sum(
         (i, j) in freedoms.dependent for i in bundle.members for j in range(freedoms.links[i].joint.speeds())
     )
