@@ -64,8 +64,8 @@ np.testing.assert_allclose(abs((hold[0] - hold[1])[place]) / p0["bucket_length"]
 
 # %%
 # **Design.** The least force over the path is not differentiable where its place changes, but a sequence of linear programs
-# needs no more than the derivatives of the force at all angles: each finds the step of the lengths, within a few millimetres,
-# that raises the least of the linearised forces most.
+# needs no more than the derivatives of the force at all angles. Each program allows steps of a few millimetres in the lengths,
+# and maximises the least of the linearised forces.
 free = ["rocker_length", "link_length", "rocker_back", "bucket_eye_x", "bucket_eye_z"]
 columns = [names.index(n) for n in free]
 design, reach = {n: p0[n] for n in free}, 0.01
