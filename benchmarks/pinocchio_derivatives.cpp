@@ -1,10 +1,12 @@
-/* Pinocchio's Jacobians of the accelerations and its mass matrix, callable from C; see jacobians_against_pinocchio.py.
+/* Pinocchio's Jacobians of the accelerations, its mass matrix and its second derivatives of inverse dynamics, callable from C; see
+ * jacobians_against_pinocchio.py and second_order_against_pinocchio.py.
  *
  * A model is a list of numbers, for each joint: parent, type (0 revolute, 1 prismatic, 2 free), axis, rotation matrix by rows,
  * place, mass, centre of mass, inertia about it by rows. JOINTS chooses the collection of joint types.
  */
 #include <pinocchio/algorithm/aba-derivatives.hpp>
 #include <pinocchio/algorithm/crba.hpp>
+#include <pinocchio/algorithm/rnea-second-order-derivatives.hpp>
 #include <pinocchio/multibody.hpp>
 #include <pinocchio/multibody/joint.hpp>
 
@@ -111,6 +113,28 @@ int pinocchio_mass(void *solver, const double *q, int world)
     Solver &s = *(Solver *)solver;
     s.q = Numbers(q, s.model.nq);
     pinocchio::crba(s.model, s.data, s.q, world ? pinocchio::Convention::WORLD : pinocchio::Convention::LOCAL);
+    return 0;
+}
+
+/* Second derivatives of sum_i weights_i force_i by q twice, u twice, q and u, udot and q: four matrices (nv, nv) by columns. */
+int pinocchio_second(void *solver, const double *q, const double *u, const double *udot, const double *weights, double *found)
+{
+    Solver &s = *(Solver *)solver;
+    const int n = s.model.nv;
+    s.q = Numbers(q, s.model.nq);
+    s.u = Numbers(u, n);
+    s.tau = Numbers(udot, n);
+    auto &d = s.data;
+    for (auto *x : {&d.d2tau_dqdq, &d.d2tau_dvdv, &d.d2tau_dqdv, &d.d2tau_dadq})
+        x->setZero();
+    pinocchio::ComputeRNEASecondOrderDerivatives(s.model, d, s.q, s.u, s.tau);
+    const Numbers w(weights, n);
+    for (auto *x : {&d.d2tau_dqdq, &d.d2tau_dvdv, &d.d2tau_dqdv, &d.d2tau_dadq}) {
+        /* the forces vary fastest */
+        Eigen::Map<Eigen::VectorXd>(found, n * n).noalias() =
+            Eigen::Map<const Eigen::MatrixXd>(x->data(), n, n * n).transpose() * w;
+        found += n * n;
+    }
     return 0;
 }
 }
