@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +163,18 @@ def test_directions_combine_variables_and_many_are_computed_in_parts(solver: cod
     assert found.shape == (len(EVERY), 11, len(WRT))
     scale = np.abs(whole).max(axis=(1, 2), keepdims=True)
     np.testing.assert_allclose(found / scale, factors @ whole / scale, rtol=1e-10, atol=1e-11)
+
+
+def test_memory_of_stages_is_freed_at_once(solver: codegen.Solver) -> None:
+    """No cycle of references keeps the tangents of stages until the next garbage collection."""
+    judged(solver, hessian=True, **FIXED)
+    gc.collect()
+    gc.disable()
+    try:
+        judged(solver, hessian=True, **FIXED)
+        assert not [x for x in gc.get_objects() if type(x).__name__ == "_Tangents"]
+    finally:
+        gc.enable()
 
 
 def test_more_memory_than_allowed_is_refused(solver: codegen.Solver) -> None:

@@ -27,6 +27,7 @@ struct ordernm_curvature {
     scalar *lambda, *kappa[MOST_STAGES], *nu;
     gradient values, along;           /* results: of one vector of weights, and in lanes */
     scalar *no_dt;                    /* zeros for time */
+    scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
     scalar *weights, *b;              /* weights of udot, for transposes in lanes and for Hessian products */
 };
 
@@ -51,6 +52,7 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
         g->t = ordernm_numbers(&of, lanes);
     }
     c->no_dt = ordernm_numbers(&of, LANES);
+    c->p = ordernm_numbers(&of, s->np*(problem->ndirections + LANES));
     c->weights = ordernm_numbers(&of, s->nu*LANES);
     c->b = ordernm_numbers(&of, s->nu);
     return of.used;
@@ -214,8 +216,8 @@ static void add(ordernm_curvature *c, scalar t, const gradient *of, scalar *nu, 
         for (int l = 0; l < width; ++l) to[i*width + l] += of->q[s->free_q[i]*width + l];
     for (int i = 0; i < s->nfree_u; ++i)
         for (int l = 0; l < width; ++l) to[(s->nfree_q + i)*width + l] += of->u[s->free_u[i]*width + l];
-    for (int l = 0; l < used; ++l)
-        for (int i = 0; i < s->np; ++i) c->found->p[(from + l)*s->np + i] += of->p[i*width + l];
+    scalar *const p = g ? c->p + s->np*g->first : c->found->p;
+    for (int i = 0; i < s->np*width; ++i) p[i] += of->p[i];
     if (s->ninputs) add_inputs(c, t, of->inputs, width, from, used, 1.0);
 }
 
@@ -242,7 +244,7 @@ static void set_weights(ordernm_curvature *c, const scalar *kappa, const group *
 {
     const ordernm_system *const s = c->motion->system;
     const int width = g ? g->width : 1;
-    memset(c->weights, 0, s->nu*width*sizeof(scalar));
+    if (s->nfree_u < s->nu) memset(c->weights, 0, s->nu*width*sizeof(scalar));
     for (int i = 0; i < s->nfree_u; ++i)
         memcpy(c->weights + s->free_u[i]*width, kappa + (g ? g->at : 0) + (s->nfree_q + i)*width, width*sizeof(scalar));
 }
@@ -413,6 +415,7 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
 void ordernm_hessians_turn(ordernm_curvature *c)
 {
     memset(c->lambda, 0, c->motion->size*sizeof(scalar));
+    memset(c->p, 0, c->problem.system->np*(c->problem.ndirections + LANES)*sizeof(scalar));
     if (c->found->finish) pack(c, c->found->finish, c->lambda);
     c->left = c->found->ntimes;
 }
@@ -441,4 +444,7 @@ void ordernm_hessians_end(ordernm_curvature *c)
     const long source = (1L + c->problem.ndirections)*(c->n + s->np + s->ninputs);
     for (; c->left > 0; --c->left) add_source(c, m->t, 1.0, c->found->sources + (c->left - 1)*source, c->lambda);
     unpack(c, c->lambda, c->found->start);
+    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g)
+        for (int l = 0; l < g->used; ++l)
+            for (int i = 0; i < s->np; ++i) c->found->p[(1 + g->first + l)*s->np + i] += c->p[s->np*g->first + i*g->width + l];
 }

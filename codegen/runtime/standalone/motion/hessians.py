@@ -137,7 +137,7 @@ class _Tangents:
         self.records = np.zeros((len(times), self.record))
         self.kept = [self._pointer(times), self._pointer(self.records)]
         g.ntimes, (g.times, g.states) = len(times), self.kept
-        self._made_again = lambda *part: made_again(self.library, self.ffi, plain, *part)
+        self.plain = plain
         self.segment = segment
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
 
@@ -145,7 +145,7 @@ class _Tangents:
         """Repeats the steps with tangents."""
         segment, times = self.segment, self.times
         self.parts = [
-            rows if heads is None else self._made_again(rows, known, heads)
+            rows if heads is None else made_again(self.library, self.ffi, self.plain, rows, known, heads)
             for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
         ]
         steps = np.concatenate(self.parts)
@@ -154,7 +154,9 @@ class _Tangents:
         ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
         self.tapes, self.nodes = [], []
         for rows, until in zip(self.parts, ends, strict=True):
-            tape, nodes = np.zeros((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
+            # no zeros: most steps leave the memory of the interpolant's stages untouched
+            tape, nodes = np.empty((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
+            tape[rows[:, 1] <= 0.0] = 0.0
             status = self.library.ordernm_tangents(
                 self.curvature, self._pointer(rows), len(rows), until, self._pointer(tape), self._pointer(nodes)
             )
