@@ -137,3 +137,50 @@ def test_results_within_the_errors_of_a_switch(made: Callable[..., Made], integr
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             solver.judge(end, Final("y"), p={"a": at.q[-1, 1]}, wrt=NAMES, **options)
+
+
+KNOTS = """
+model: knots
+parameters: {c: 0.0, f: 2.0}
+inputs: [push]
+bodies:
+  x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  x: {type: joint, joint: x, value: "push - 20*sin(q.x) + if(u.x > c, f, 0)"}
+initial: {u: {x: 0.5}, q: {x: -0.4}}
+outputs: {x: {value: q.x}, w: {value: u.x}}
+"""
+HELD = ([0.0, 0.1], [[3.0], [30.0]], "hold")
+"""The speed changes by 9 m/s^2 before the knot, and by 36 m/s^2 after it."""
+
+
+def beside_knot(solver: Any, later: float) -> dict[str, float]:
+    """A threshold of the speed that is passed the given time after the knot at 0.1 s."""
+    speed = solver.simulate([0.0, 0.1], p={"c": 100.0}, inputs=HELD, rtol=1e-13, atol=1e-13).u[-1, 0]
+    return {"c": speed + later * (9 if later < 0 else 36)}
+
+
+@pytest.mark.parametrize("wrt", [(), ("f",)])
+def test_a_long_step_after_a_short_one(made: Callable[..., Made], wrt: tuple[str, ...]) -> None:
+    """After a step of 6e-9 s to a switch, Newton's method of radau ended too early: an error of 2e-4 at a tolerance of 1e-6."""
+    solver: Any = made(parsed, KNOTS).solver
+    for later in (5e-9, -1e-7, 2e-8, 1e-6):
+        p = beside_knot(solver, later)
+        options: dict[str, Any] = {"p": p, "inputs": HELD, "sensitivities": wrt}
+        exact = solver.simulate([0.0, 0.2], rtol=1e-13, atol=1e-13, **options)
+        found = solver.simulate([0.0, 0.2], rtol=1e-6, atol=1e-6, method="radau", **options)
+        np.testing.assert_allclose(found.u, exact.u, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_a_switch_just_before_a_knot(made: Callable[..., Made], integrator: str) -> None:
+    """The rates after the switch had the input of the next interval, which looked like a jump without a switch."""
+    solver: Any = made(parsed, KNOTS).solver
+    exact = solver.judge(0.4, Final("w"), p=beside_knot(solver, -1e-3), inputs=HELD, wrt=["f"], rtol=1e-13, atol=1e-13)
+    for sooner in (1e-10, 1e-11):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", message=".*known switch")
+            found = solver.judge(
+                0.4, Final("w"), p=beside_knot(solver, -sooner), inputs=HELD, wrt=["f"], integrator=integrator
+            )
+        np.testing.assert_allclose(found.gradients, exact.gradients, rtol=5e-3)

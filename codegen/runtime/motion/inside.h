@@ -261,6 +261,7 @@ static inline long ordernm_whole_lines(long n) { return (n + 7)/8*8; }
 enum { ORDERNM_ORDERS = 3 };  /* time derivatives of inputs, orders 0 to 2: the value, the rate, the acceleration */
 static inline int ordernm_signals(const ordernm_system *s) { return s->ninputs - 2*s->nmoving; }
 void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h);
+void ordernm_find_next_segment(ordernm_motion *m);
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t);
 int ordernm_reach_knot(ordernm_motion *m);
 long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);

@@ -35,6 +35,9 @@ static const scalar KEEP_BELOW = 1.2;
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
+/* The previous step says nothing about stages and convergence if a step is longer by a larger factor, for example after an event. */
+static const scalar FARTHEST = 10.0;
+
 /* ---- Memory. ---- */
 
 /* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations; returns the number of bytes, which is
@@ -111,11 +114,13 @@ void ordernm_radau_weights(scalar theta, scalar *w)
     }
 }
 
+static int follows(const struct radau *r, scalar h) { return r->accepted && h <= FARTHEST*r->h_last; }
+
 /* Starting values of the stages: the polynomial of the previous step. */
 static void extrapolate(ordernm_motion *m, scalar h)
 {
     struct radau *const r = m->radau;
-    if (!r->accepted) {
+    if (!follows(r, h)) {
         for (int i = 0; i < STAGES; ++i) memset(r->stage[i], 0, m->size*sizeof(scalar));
         return;
     }
@@ -370,7 +375,8 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     if (status) return status;
     scalar limit, usual;
     limits(m, &limit, &usual);
-    if (m->derived && m->beside_power) r->slowness = 1.0; /* there, errors far below the tolerances limit the step, see powers.c */
+    /* beside powers, errors far below the tolerances limit the step, see powers.c */
+    if (!follows(r, h) || (m->derived && m->beside_power)) r->slowness = 1.0;
     extrapolate(m, h);
     status = stages(m, h, limit, usual);
     if (status == DIVERGED) {

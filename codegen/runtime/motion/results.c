@@ -96,6 +96,6 @@ void ordernm_keep_step(const ordernm_motion *m, scalar h)
 int ordernm_row(ordernm_motion *m, ordernm_results *results, scalar *row)
 {
     m->results = results;
-    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    ordernm_find_next_segment(m);
     return ordernm_report(m, m->t, m->z, row);
 }

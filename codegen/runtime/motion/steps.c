@@ -56,7 +56,7 @@ int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, c
     if (!changed && !at_knot && !m->switched) return m->flow_unknown ? ordernm_begin_flow(m) : 0;
     if (m->nheld && at_knot && !modes && (status = ordernm_arrive_at_knot(m))) return status;
     if (at_knot && (status = ordernm_reach_knot(m))) return status;
-    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    ordernm_find_next_segment(m);
     if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;
     status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (!status && m->flowing) status = ordernm_begin_flow(m);

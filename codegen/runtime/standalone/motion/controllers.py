@@ -36,7 +36,8 @@ class Sample:
     q, u : ndarray (nq,), (nu,)
         Coordinates and speeds, with the loops closed.
     outputs : ndarray (noutputs,)
-        Outputs of the model, with the inputs that were held until now; empty if the package lacks their function.
+        Outputs of the model, with the controlled inputs that were held until now, and with the new values of other inputs
+        that jump at this time; empty if the package lacks their function.
     p : ndarray (np,)
         Parameters.
     inputs : ndarray (n,)
