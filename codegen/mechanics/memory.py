@@ -30,6 +30,7 @@ class SystemLayout(Layout):
                         used.setdefault(n, set()).add(sweep)
         passing = {n for n, sweeps in used.items() if all(n in program.transient.get(x, ()) for x in sweeps)}
         found = {memory.region: program.fields.get(memory, []) for memory in (*LAID_OUT, *KEPT.values())}
+        found["kept_adjoints"] = found["adjoints"] if "gaps_adjoint" in program.blocks else []
         found["records"] = [n for n in found["records"] if n not in passing]
         links, regions = len(system.links), system.regions
         self.fields = {region: numbered(names) for region, names in found.items()}
@@ -37,6 +38,7 @@ class SystemLayout(Layout):
             "records": links + 1, "near": system.slots, "ears": len(regions.ears), "couplings": regions.elimination.slots,
             "regions": len(regions.regions), "kept": links + 1, "kept_regions": len(regions.regions), "slots": system.slots,
             "tangents": links + 1, "adjoints": links + 1, "adjoint_tangents": links + 1, "mass_tangents": links + 1,
+            "adjoint_changes": links + 1, "kept_adjoints": links + 1,
             "lanes": links, "region_lanes": len(regions.regions), "columns": links,
         }  # fmt: skip
         self.near = {sweep: numbered(fields) for sweep, fields in program.transient.items()}

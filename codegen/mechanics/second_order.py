@@ -25,6 +25,7 @@ from ..program.second_order import Primitives, adjoint, along, transpose
 from ..program.store import Store
 from ..program.transpose import always
 from ..records import dataclass
+from . import fields
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
 from .second_order_stores import (
@@ -44,6 +45,7 @@ from .stores import (
     ADJOINT_LANE,
     CE_DP,
     CE_PARAMETER,
+    CHANGE_LANE,
     CL_DP,
     CL_PARAMETER,
     CONSTANTS,
@@ -66,6 +68,9 @@ from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, LinkKind, UnitKind
 from .structure.system import System
 from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, back_name, mass_name
+
+CHANGES = (ADJOINT_LANE, CHANGE_LANE)
+"""Memory of changes with multipliers."""
 
 
 @dataclass(slots=True, eq=False)
@@ -133,7 +138,7 @@ class SecondOrder:
         self.transposes: dict[tuple[str, int], Block] = {}
         self.forward, inverse = mass_name("missing_forces") in wanted, not loops and "tree_motion" in originals
         """Whether products of the forward dynamics of a tree are among the functions."""
-        self.dropped = () if loops or inverse else (DUDOT_BAR,)
+        self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
@@ -161,9 +166,8 @@ class SecondOrder:
                 found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT or a not in self.unread)
                 if back_name(name) in self.wanted:
                     title = SWEEP[back_name(name)].title
-                    found.setdefault(back_name(name), {})[k] = transpose(
-                        read[name][k], f"{back_name(name)}_{k}", title, along_of_adjoint, always
-                    )
+                    turned = transpose(read[name][k], f"{back_name(name)}_{k}", title, along_of_adjoint, always)
+                    found.setdefault(back_name(name), {})[k] = _changing(turned, name)
                 if k not in backs[name]:
                     continue
                 back = backs[name][k]
@@ -205,7 +209,7 @@ class SecondOrder:
                 zeros = {
                     s
                     for s, (a, n) in block.loads.items()
-                    if (a.memory is ADJOINT_LANE and nonzero.isdisjoint(self._places(kind, sweep, a, n)))
+                    if (a.memory in CHANGES and nonzero.isdisjoint(self._places(kind, sweep, a, n)))
                     or base_of(a) in self.solved
                 }
                 zero = [Statement(s, algebra.ZERO) for s in sorted(zeros, key=str)]
@@ -219,7 +223,7 @@ class SecondOrder:
                     if e is not algebra.ZERO and base_of(a.plain) not in self.solved
                 ]
                 for store, n, _ in made.stores:
-                    if store.memory is ADJOINT_LANE:
+                    if store.memory in CHANGES:
                         nonzero |= self._places(kind, sweep, store.plain, n)
                 self.transposes[back_name(sweep.name), kind.index] = drop_dead(made)
         for (name, k), block in self.transposes.items():
@@ -322,6 +326,24 @@ def varying_of_ground(system: System) -> list[str]:
 def read_outside(system: System) -> set[Place]:
     """Adjoints of the ground, from which the gradient by the parameters of gravity follows."""
     return {((memory, ""), GROUND_KIND, n) for memory in (ADJOINT, ADJOINT_LANE) for n in varying_of_ground(system)}
+
+
+def _changing(block: Block, sweep: str) -> Block:
+    """The transpose of a tangent in memory of its own, as far as later transposes for the same multipliers read it.
+
+    With multipliers of velocities, these are velocities; all other changes add to the tangents of adjoints, whose sweeps
+    follow.
+    """
+    of_velocities = sweep in ("rate_gaps", "velocities")
+
+    def moved(store: Store, name: str) -> Store:
+        if store.memory is not ADJOINT_LANE or (of_velocities and name not in fields.applied_twist.components):
+            return store
+        found = in_memory(CHANGE_LANE, store.plain)
+        return found.sum if store.adds else found
+
+    loads = {s: (moved(a, n), n) for s, (a, n) in block.loads.items()}
+    return Block(block.name, block.title, loads, block.statements, [(moved(a, n), n, e) for a, n, e in block.stores])
 
 
 def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:

@@ -14,6 +14,7 @@ from .stores import (
     CE_DGP,
     CE_DP,
     CE_GP,
+    CHANGE_LANE,
     CL_DGP,
     CL_DP,
     CL_GP,
@@ -120,10 +121,10 @@ READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
 GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
 """Gradients of one vector of weights."""
 
-READ_BY_LOOPS = (GQ, GU, UDOT_BAR, MULTIPLIER_BAR)
+READ_BY_LOOPS = (GQ, GU)
 """Adjoints from which the multipliers of loops follow."""
 
-_PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma"}
+_PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma", CHANGE_LANE: "ca"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
 _BASE: dict[Store, Store] = {}
 """The store of values to which each store in `_MADE` belongs."""

@@ -23,12 +23,13 @@ COLUMN = Memory("column", True, region="columns")
 TANGENT = Memory("tangent", True, region="tangents")
 ADJOINT, ADJOINT_LANE = Memory("adjoint", region="adjoints"), Memory("adjoint", True, region="adjoint_tangents")
 MASS_LANE = Memory("adjoint", True, region="mass_tangents")
-"""For products with second derivatives: tangents of records, adjoints of records for one vector of weights, their tangents, and
-the part of these that the mass matrix determines; see `second_order`."""
+CHANGE_LANE = Memory("adjoint", True, region="adjoint_changes")
+"""For products with second derivatives: tangents of records, adjoints of records for one vector of weights, their tangents, the
+part of these that the mass matrix determines, and their changes with multipliers of loops; see `second_order`."""
 
 LAID_OUT = (
     RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK, TANGENT, ADJOINT, ADJOINT_LANE,
-    MASS_LANE,
+    MASS_LANE, CHANGE_LANE,
 )  # fmt: skip
 """Memory whose layout places the fields; in all other memory, places are known beforehand."""
 

@@ -32,14 +32,16 @@ class CMemory(CSweeps):
             return [(name, name in LANE_REGIONS, sizes[name] * layout.rows[name]) for name in names]
 
         found = [
-            *rows("records", "near", "ears", "couplings", "regions", "kept", "kept_regions", "adjoints"),
+            *rows(
+                "records", "near", "ears", "couplings", "regions", "kept", "kept_regions", "adjoints", "kept_adjoints"
+            ),
             ("gravity", False, len(self.plan.ground.gravity)),
             ("constants", False, layout.constants_size),
             ("trig", False, 2 * layout.angles_padded),
             ("tau", False, forced),
             *((name, False, n) for name, n in self.plan.arrays.items()),
             *self.column_regions(),
-            *rows("slots", "lanes", "region_lanes", "tangents", "adjoint_tangents", "mass_tangents"),
+            *rows("slots", "lanes", "region_lanes", "tangents", "adjoint_tangents", "mass_tangents", "adjoint_changes"),
             ("dtau", True, forced),
             *((f"d{name}", True, n) for name, n in self.plan.arrays.items()),
         ]

@@ -104,6 +104,15 @@ class CPrepared(CMemory):
             if name == "adjoints" and not self.assigned(name)
         ]
 
+    def copied(self, to: str, of: str) -> list[str]:
+        """Lines that copy the adjoints of one vector of weights."""
+        word = self.scalar.word
+        return [
+            f"for (long i = 0; i < {n}L; ++i) (({word} *)a->{to})[i] = (({word} *)a->{of})[i];"
+            for name, _, n in self.regions()
+            if name == to
+        ]
+
     def assigned(self, region: str) -> bool:
         """Whether the first contributions to the memory of a region assign instead of adding."""
         blocks = [b for of in self.blocks.values() for b in of.values()]
@@ -126,13 +135,13 @@ class CPrepared(CMemory):
             lines.append(f"EACH_VECTOR a->tangents[LINKS].{identifier(name)}.at[h] = {text};")
         return lines
 
-    def ground_twice(self, of_values: bool) -> list[str]:
+    def ground_twice(self) -> list[str]:
         """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""
         lines = []
         for name, first, second in self.plan.ground.twice:
             along, value = f"a->adjoint_tangents[LINKS].{identifier(name)}", f"a->adjoints[LINKS].{identifier(name)}"
             terms = [(p, f"{self._gravity(factor)}*{along}.at[h]") for factor, p in first]
-            terms += [(p, f"{self._gravity(factor)}*{value}*a->dp[{k}].at[h]") for factor, p, k in second if of_values]
+            terms += [(p, f"{self._gravity(factor)}*{value}*a->dp[{k}].at[h]") for factor, p, k in second]
             lines += [f"EACH_VECTOR a->dgp[{p}].at[h] += {text};" for p, text in terms]
         return lines
 
@@ -205,10 +214,12 @@ class CPrepared(CMemory):
                 return self.no_adjoints()
             case procedures.ADJOINT_TANGENTS:
                 return [*self.no_tangents(), *self.ground_along()]
-            case procedures.ADJOINT_TANGENTS_AGAIN:
-                return self.no_tangents(("adjoint_tangents",))
-            case procedures.GROUND_TWICE | procedures.GROUND_AGAIN:
-                return self.ground_twice(what == procedures.GROUND_TWICE)
+            case procedures.KEPT_ADJOINTS:
+                return self.copied("kept_adjoints", "adjoints")
+            case procedures.RESTORED_ADJOINTS:
+                return self.copied("adjoints", "kept_adjoints")
+            case procedures.GROUND_TWICE:
+                return self.ground_twice()
             case procedures.GROUND_GRADIENT:
                 return self.ground_gradient()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:

@@ -14,7 +14,7 @@ TYPES = {
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
     "kept_regions": "region_kept", "columns": "link_columns",
     "tangents": "link_tangents", "adjoints": "link_adjoints", "adjoint_tangents": "link_adjoint_tangents",
-    "mass_tangents": "link_mass_tangents",
+    "mass_tangents": "link_mass_tangents", "adjoint_changes": "link_adjoint_changes", "kept_adjoints": "link_adjoints",
 }  # fmt: skip
 """Type name of a row of each region of memory."""
 
@@ -29,6 +29,7 @@ ABOUT = {
     "adjoints": "Adjoints of a link's values, for one vector of weights.",
     "adjoint_tangents": "Tangents of these adjoints per direction.",
     "mass_tangents": "The part of these tangents that the mass matrix determines.",
+    "adjoint_changes": "Changes of these tangents with multipliers of loops.",
     "slots": "Values per direction that neighbouring links exchange: scratch memory of each sweep.",
 }  # fmt: skip
 """Description of the memory in each region, for comments of generated code."""
@@ -36,7 +37,7 @@ ABOUT = {
 ENERGIES = ("KINETIC", "POTENTIAL")
 """Names of the entries in the array of energies."""
 
-TWICE = ("tangents", "adjoint_tangents", "mass_tangents")
+TWICE = ("tangents", "adjoint_tangents", "mass_tangents", "adjoint_changes")
 """Regions of functions with second derivatives that hold one value for every direction."""
 
 LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns", *TWICE)

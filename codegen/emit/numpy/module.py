@@ -187,15 +187,21 @@ class NumpyWriter(Writer):
             case procedures.ADJOINT_VALUES:
                 return ["a.adjoints = [Adjoints() for _ in a.records]"]
             case procedures.ADJOINT_TANGENTS:
-                regions = [r for r in ("tangents", "adjoint_tangents", "mass_tangents") if self.layout.fields[r]]
+                regions = ("tangents", "adjoint_tangents", "mass_tangents", "adjoint_changes")
                 return [
-                    *(f"a.{region} = [Adjoints() for _ in a.records]" for region in regions),
+                    *(
+                        f"a.{region} = [Adjoints() for _ in a.records]"
+                        for region in regions
+                        if self.layout.fields[region]
+                    ),
                     *(f"a.tangents[GROUND]{_key(n)} = {self._along(first)}" for n, first, _ in self.plan.ground.twice),
                 ]
-            case procedures.ADJOINT_TANGENTS_AGAIN:
-                return ["a.adjoint_tangents = [Adjoints() for _ in a.records]"]
-            case procedures.GROUND_TWICE | procedures.GROUND_AGAIN:
-                return self.ground_twice(what == procedures.GROUND_TWICE)
+            case procedures.KEPT_ADJOINTS:
+                return ["a.kept_adjoints = [Adjoints(x) for x in a.adjoints]"]
+            case procedures.RESTORED_ADJOINTS:
+                return ["a.adjoints = a.kept_adjoints"]
+            case procedures.GROUND_TWICE:
+                return self.ground_twice()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return self.adjoints()
         return []
@@ -228,13 +234,13 @@ class NumpyWriter(Writer):
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
         return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.plan.arrays.items()]
 
-    def ground_twice(self, of_values: bool) -> list[str]:
+    def ground_twice(self) -> list[str]:
         """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""
         lines = []
         for name, first, second in self.plan.ground.twice:
             along, value = (f"a.{region}[GROUND]{_key(name)}" for region in ("adjoint_tangents", "adjoints"))
             terms = [(p, f"{self._gravity(factor)}*{along}") for factor, p in first]
-            terms += [(p, f"{self._gravity(factor)}*{value}*a.dp[{k}]") for factor, p, k in second if of_values]
+            terms += [(p, f"{self._gravity(factor)}*{value}*a.dp[{k}]") for factor, p, k in second]
             lines += [f"a.dgp[{p}] = a.dgp[{p}] + {text}" for p, text in terms]
         return lines
 

@@ -9,7 +9,10 @@ They are the balance (`ears.balance`) and the tangents of reactions (`ears.react
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ...program.block import Scope
+from ...program.field import SixField
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..couplings import add_partner_force, others
@@ -18,6 +21,7 @@ from ..rotors import rotor
 from ..spatial import SIX, add, is_zero, rotate
 from ..stores import (
     DMULTIPLIER,
+    DUDOT,
     EAR,
     GAP_RIGHT_SIDE,
     LBASE,
@@ -36,6 +40,7 @@ from .closed_tree import multipliers, numbered
 from .closures import dependents, own_sources, stored_factor
 from .conditions import components_along, kept_conditions
 from .geometry import EarGeometry
+from .members import MemberView
 from .motions import Twist
 from .reaction_tangents import add_wrench_changes, of_root
 from .region_balance import transmitted_fields
@@ -43,11 +48,11 @@ from .region_balance import transmitted_fields
 # -- forces through an ear -----------------------------------------------------------------------------------------------
 
 
-def forces_from_outboard(x: Scope, kind: EarKind, needed: bool) -> list[Vector]:
-    """For each link of an ear, the force on it from other links, and its own required force if `needed`."""
+def forces_from_outboard(x: Scope, kind: EarKind, own: SixField | None = None) -> list[Vector]:
+    """For each link of an ear, the force on it from other links, and the force `own` that it requires itself."""
     found: list[Vector] = []
     for k in range(len(kind.links)):
-        parts = [(MY_LANE[k], fields.needed)] if needed else []
+        parts = [] if own is None else [(MY_LANE[k], own)]
         if kind.followed[k]:
             parts.append((LME[k], fields.root_transmitted))
         if kind.links[k].carries:
@@ -93,22 +98,47 @@ def clear_sums(x: Scope, kind: RegionKind) -> None:
 
 def link_multipliers(x: Scope, kind: LinkKind) -> None:
     """Inward block of a link: propagates the forces of outboard loops to the parent."""
+    _propagate(x, kind, x.load(LME, fields.articulated_force))
+
+
+def link_balanced(x: Scope, kind: LinkKind) -> None:
+    """Inward block of a link: propagates the forces that accelerations and outboard loops require. Eq. 45."""
+    own, children = (
+        x.load(store, field) for store, field in ((MY_LANE, fields.total_needed), (LME, fields.articulated_force))
+    )
+    _propagate(x, kind, [x.let("phi", v, "Eq. 45", lanes=True) for v in add(own, children)])
+
+
+def _propagate(x: Scope, kind: LinkKind, force: Vector) -> None:
     for m in others(kind):
         if kind.partners.first[m]:
             add_partner_force(x, kind, m, [0] * 6, lanes=True)
     if kind.has_parent:
-        joint = kind.joint(x, kind, lanes=True)
-        propagate_lanes(x, kind, force_to_parent(x, joint, x.load(LME, fields.articulated_force), "Eq. 45"))
+        propagate_lanes(x, kind, force_to_parent(x, kind.joint(x, kind, lanes=True), force, "Eq. 45"))
 
 
 def ear_multipliers(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: multipliers for given forces along the dependent degrees of freedom. Eq. 9."""
+    _solve(x, kind, lambda k, j: x.entry(RIGHT_SIDE[k], j))
+
+
+def ear_balanced(x: Scope, kind: EarKind) -> None:
+    """Inward block of an ear: multipliers that balance required forces and given forces. Eqs. 9, 45."""
+
+    def rest(k: int, j: int) -> Value:
+        value, own = x.entry(RIGHT_SIDE[k], j), rotor(MemberView(x, k), kind.links[k], j)
+        return value if is_zero(own) else value - own * x.entry(DUDOT[k], j)
+
+    _solve(x, kind, rest, fields.total_needed)
+
+
+def _solve(x: Scope, kind: EarKind, given: Callable[[int, int], Value], own: SixField | None = None) -> None:
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
-    force = forces_from_outboard(x, kind, False)
+    force = forces_from_outboard(x, kind, own)
     on_roots = propagate(x, ear, force)
     if rows:
-        right = [x.entry(RIGHT_SIDE[k], j) - column_of(ear, k, j).along(force[k]) for k, j in dependents(kind)]
+        right = [given(k, j) - column_of(ear, k, j).along(force[k]) for k, j in dependents(kind)]
         right = [x.let("c", v, "Eq. 9", lanes=True) for v in right]
         found = stored_factor(x, kind).solve_transposed(right, "y", "Eq. 9", lanes=True)
         for (c, i), value in zip(numbered(rows), found, strict=True):
@@ -202,7 +232,7 @@ def ear_solution(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: residuals of the forces along the ear's joints, projected onto the sources. Eqs. 45,
     53."""
     ear = EarGeometry(x, kind)
-    force = forces_from_outboard(x, kind, True)
+    force = forces_from_outboard(x, kind, fields.needed)
     on_roots = propagate(x, ear, force)
 
     def residual(k: int, j: int) -> Value:

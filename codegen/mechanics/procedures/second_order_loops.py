@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from ...program.procedure import (
     ADJOINT_TANGENTS,
-    ADJOINT_TANGENTS_AGAIN,
     ADJOINT_VALUES,
-    GROUND_AGAIN,
     GROUND_TWICE,
+    KEPT_ADJOINTS,
+    RESTORED_ADJOINTS,
     Array,
     Bind,
     Combine,
+    Copy,
     Formulas,
     Own,
     Perform,
@@ -25,14 +26,19 @@ from ...program.procedure import (
     ZeroEntries,
 )
 from ..quantities import run
+from ..structure.kinds import EarKind
 from ..sweeps import adjoint_name, along_name, back_name, mass_name
 from .shared import Shared, performed
 
 MULTIPLIERS = run("multipliers_out", "multipliers_in")
 """Sweeps that solve for multipliers of the loops' conditions."""
 
-RESPONSE = run("response_out", "response_in", "balance_back")
-"""Sweeps that solve for accelerations, with right sides of the equations of motion and of the loops' conditions."""
+RESPONSE = run("response_out", "response_in", "balance_back", "response_forces", "response_multipliers")
+"""Sweeps that solve for accelerations and multipliers, with right sides of the equations of motion and of the loops'
+conditions."""
+
+POSES = ("rotations", "pose")
+"""Sweeps on which all others depend."""
 
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
 OF_MASS = ("tree_motion", "wrenches", "tree_forces", "acceleration_gaps")
@@ -68,25 +74,35 @@ class WithLoops:
         self.multiplier_bar = position.called("multiplier_bar")
         self.along_coordinates = self.udot.called("coordinate_force")
         self.side = self.udot.called("side")
-        self.zero = [self.gq, self.gu, self.udot_bar, self.multiplier_bar]
+        self.zero = [self.gq, self.gu]
         """Arrays to which adjoints add, besides those of formulas."""
+        self.propagated = [self.gq, *(b for b in bars if b.name == "prescribed_bar")]
+        """Arrays to which adjoints of velocities and poses add."""
+        closures = [c for kind in w.system.unit_kinds if isinstance(kind, EarKind) for c in kind.closures]
+        self.moved_by_velocities = w.elements or any(c.slides for c in closures)
+        """Whether forces or conditions in acceleration depend on the velocities of links."""
+        self.sweeps_of_accelerations = [s for s in self.sweeps if s not in (*POSES, "velocities", "rate_gaps", "gaps")]
 
     # -- values ----------------------------------------------------------------------------------------------------
 
     def adjoints(self, weights: Array, virtual: Array) -> list[Step]:
-        """Multipliers and adjoints for one vector of weights."""
+        """Multipliers and adjoints for one vector of weights.
+
+        Adjoints of velocities and of poses add up from link to link. The sweeps that propagate them before the multipliers of
+        velocities or positions are known run again, from a copy of the adjoints.
+        """
         force_bar, nothing = self.force.called("force_bar"), self.multiplier.called("no_gap")
-        first, second = self.multiplier.called("multipliers_of_b"), self.multiplier.called("multipliers_of_mass")
-        owned = [self.multiplier, nothing, *self.gaps, first, second]
-        of_speeds = {"clear", "loads", "velocities", *OF_MASS}
+        solved = self.multiplier.called("response_multiplier")
         acceleration_gap, rate_gap, gap = self.gaps
-        of_formulas = self._formula_gradients()
         return [
-            *(step for a in owned for step in (Own(a), Zero(a))),
-            *(Own(a) for a in (self.force, self.side, self.along_coordinates, *self.zero, *self.bars)),
+            *(step for a in (self.multiplier, nothing, *self.gaps, solved) for step in (Own(a), Zero(a))),
+            *(Own(a) for a in (self.force, self.side, self.along_coordinates)),
             Own(virtual),
-            Single(RESPONSE, ((self.right, weights), (self.gap_right, nothing)), ((self.dudot, virtual),)),
-            Single(MULTIPLIERS, ((self.right, weights),), ((self.found, first),)),
+            Single(
+                RESPONSE,
+                ((self.right, weights), (self.gap_right, nothing)),
+                ((self.dudot, virtual), (self.found, solved)),
+            ),
             performed(
                 "tree_values",
                 "Motions of the links, and joint forces of the tree with the loops cut.",
@@ -96,32 +112,43 @@ class WithLoops:
             performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
             Own(force_bar),
             Combine(force_bar, (), (virtual,)),
-            self._back("udot", ("tree_forces", "tree_motion")),
-            Single(MULTIPLIERS, ((self.right, self.udot_bar),), ((self.found, second),)),
-            Combine(acceleration_gap, (), (first, second)),
-            self._back("speeds", of_speeds),
-            *of_formulas,
+            Combine(acceleration_gap, (), (solved,)),
+            *(step for a in (*self.zero, *self.bars) for step in (Own(a), Zero(a))),
+            *(Own(a.called(f"kept_{a.name}")) for a in self.propagated),
+            self._back("accelerations", self.sweeps_of_accelerations, (Prepare(ADJOINT_VALUES),)),
+            *self._formula_gradients(),
+            *([self._back("loads", ["velocities"], self.kept)] if self.moved_by_velocities else []),
             *self._single(self.gu, rate_gap),
-            self._back("coordinates", [s for s in self.sweeps if s != "gaps"]),
-            *self._add_formulas(),
+            self._back(
+                "velocities", ["rate_gaps", "velocities"], self.restored if self.moved_by_velocities else (), self.kept
+            ),
+            self._back("poses", POSES),
             *run("coordinate_forces"),
             *self._single(self.along_coordinates, gap),
-            self._back("", self.sweeps),
-            *self._add_formulas(),
+            self._back("values", ["gaps", *POSES], self.restored),
         ]
 
     def _single(self, of: Array, to: Array) -> list[Step]:
         """Multipliers that balance the forces `of` along the dependent degrees of freedom."""
         return [Combine(self.side, (), (of,)), Single(MULTIPLIERS, ((self.right, self.side),), ((self.found, to),))]
 
-    def _back(self, which: str, sweeps: Iterable[str]) -> Perform:
-        """Adjoints for the multipliers that are known, as far as the next multipliers need them."""
-        chosen = set(sweeps)
-        back = tuple(Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in chosen)
-        zero = tuple(Zero(a) for a in (*self.zero, *self.bars))
-        doc = f"Adjoints of the inverse dynamics and of the loops' conditions{which and f', up to {which}'}."
-        name = f"adjoints_of_{which or 'values'}"
-        return performed(name, doc, (*zero, Prepare(ADJOINT_VALUES), *back))
+    def _back(
+        self, which: str, sweeps: Iterable[str], before: tuple[Step, ...] = (), after: tuple[Step, ...] = ()
+    ) -> Perform:
+        """Adjoints of some sweeps."""
+        back = (Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in sweeps)
+        doc = f"Adjoints of the inverse dynamics and of the loops' conditions, up to {which}."
+        return performed(f"adjoints_of_{which}", doc, (*before, *back, *after))
+
+    @property
+    def kept(self) -> tuple[Step, ...]:
+        """Steps that keep a copy of the adjoints."""
+        return (Prepare(KEPT_ADJOINTS), *(Copy(a.called(f"kept_{a.name}"), a) for a in self.propagated))
+
+    @property
+    def restored(self) -> tuple[Step, ...]:
+        """Steps that continue from this copy."""
+        return (Prepare(RESTORED_ADJOINTS), *(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated))
 
     def _formula_gradients(self) -> list[Step]:
         """Gradients that joint forces contribute by coordinates and speeds; added to the others."""
@@ -134,43 +161,37 @@ class WithLoops:
         return [
             *(step for _, a in into for step in (Own(a), Zero(a))),
             Single((forces.transpose(),), ((tau, tau_bar),), tuple(into)),
-            *self._add_formulas(),
+            *(Combine(a, (a, a.called(f"formula_{a.name}"))) for a in (self.gq, self.gu)),
         ]
-
-    def _add_formulas(self) -> list[Step]:
-        if not self.w.forces:
-            return []
-        return [Combine(a, (a, a.called(f"formula_{a.name}"))) for a in (self.gq, self.gu)]
 
     # -- along directions ------------------------------------------------------------------------------------------
 
     def along(self, gradient: tuple[Array, ...]) -> list[Step]:
         """Tangents of all multipliers and adjoints: the change of the gradient."""
-        of_mass, dgaps = self.udot_bar.tangent(), [a.tangent() for a in self.gaps]
+        coordinates, (_, *dgaps) = self.along_coordinates.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
-        coordinates = self.along_coordinates.tangent()
         rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.w.forces)
+        quadratic = [s for s in self.sweeps if s not in POSES]
+        forces = tuple(replace(f, lanes=True, twice=True) for f in self.w.forces)
         return [
             *self._tangents(),
-            self._back_along(gradient),
-            *self._solved(of_mass, dgaps[0]),
-            self._added("accelerations", "acceleration_gaps", "tree_motion", "velocities", "pose", "rotations"),
-            *self._solved(dgu, dgaps[1]),
-            self._added("velocities", "rate_gaps", "velocities", "pose", "rotations"),
+            *map(Zero, (*gradient, *(a.tangent() for a in self.bars))),
+            self._back_along("adjoints", quadratic, forces),
+            *self._solved(dgu, dgaps[0]),
+            changed("velocities", "rate_gaps", "velocities"),
+            self._back_along("poses", POSES, (Prepare(GROUND_TWICE, True),)),
             *run_along("coordinate_forces"),
-            *self._solved(coordinates, dgaps[2]),
-            self._added("positions", "gaps", "pose", "rotations"),
+            *self._solved(coordinates, dgaps[1]),
+            changed("positions", "gaps", *(s for s in reversed(POSES) if s in self.sweeps)),
             *rest,
             *run_along("tangential_gradients"),
             *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
 
-    def _added(self, of: str, *sweeps: str) -> Perform:
-        """Add the effect of the multipliers of one sort of conditions."""
-        back = (Run(back_name(s), True) for s in sweeps if s in self.sweeps)
-        steps: tuple[Step, ...] = (Prepare(ADJOINT_TANGENTS_AGAIN, True), *back, Prepare(GROUND_AGAIN, True))
-        doc = f"Adds the change of the gradient with the multipliers of conditions on {of}."
-        return performed(f"multipliers_of_{of}", doc, steps)
+    def _back_along(self, of: str, sweeps: Collection[str], after: tuple[Step, ...] = ()) -> Perform:
+        steps = (Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps) if s in sweeps)
+        doc = "Tangents of the adjoints: the change of the gradient with the multipliers that are known."
+        return performed(f"tangents_of_{of}", doc, (*steps, *after))
 
     def _tangents(self) -> list[Step]:
         """Tangents of values, of the wrenches, and of the virtual motion."""
@@ -207,8 +228,10 @@ class WithLoops:
             Bind(self.right, self.side.tangent()),
             Bind(self.gap_right, gap_side),
             Bind(self.dudot, dforce_bar),
+            Bind(self.found, dgaps[0]),
             *RESPONSE,
             Bind(self.dudot, found_dudot),
+            Bind(self.found, self.wrench),
         ]
 
     @property
@@ -228,23 +251,17 @@ class WithLoops:
         free = self.w.system.independent
         return [tuple(sorted(set(range(n)).difference(of))) for n, of in zip(sizes, free, strict=True)]
 
-    def _back_along(self, gradient: tuple[Array, ...]) -> Perform:
-        zero = (*gradient, self.udot_bar.tangent(), self.multiplier_bar.tangent(), *(a.tangent() for a in self.bars))
-        steps: tuple[Step, ...] = (
-            *map(Zero, zero),
-            Prepare(ADJOINT_TANGENTS_AGAIN, True),
-            *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
-            Prepare(GROUND_TWICE, True),
-            *(replace(f, lanes=True, twice=True) for f in self.w.forces),
-        )
-        doc = "Tangents of the adjoints with the multipliers of the conditions held: the change of the gradient."
-        return performed("tangents_of_adjoints", doc, steps)
-
 
 def bar_of(w: Shared, formulas: Formulas) -> Array:
     """The array of the adjoints of some formulas."""
     (target,) = formulas.targets
     return Array(f"{target}_bar", (), w.system.arrays.get(target) or w.one(target).size)
+
+
+def changed(of: str, *sweeps: str) -> Perform:
+    """The step that adds the change of the adjoints with the multipliers of one sort of conditions."""
+    doc = f"Adds the change of the adjoints with the multipliers of conditions on {of}."
+    return performed(f"multipliers_of_{of}", doc, tuple(Run(back_name(s), True) for s in sweeps))
 
 
 def run_along(sweep: str) -> tuple[Run, ...]:

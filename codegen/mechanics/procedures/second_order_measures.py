@@ -27,7 +27,7 @@ from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
 from ..quantities import ENERGIES, Quantity, measured, run
 from ..sweeps import DIFFERENTIATED_TWICE, adjoint_name, along_name
 from .measures import energies
-from .second_order_loops import MULTIPLIERS, WithLoops, bar_of, run_along
+from .second_order_loops import MULTIPLIERS, POSES, WithLoops, bar_of, changed, run_along
 from .shared import Shared, performed
 from .words import OTHER_WIDTHS, OUTPUTS
 
@@ -189,7 +189,11 @@ class Measures(WithLoops):
                 "Tangents of the adjoints, with the multipliers of the conditions held: the change of the gradient.",
                 (
                     *(replace(f, lanes=True, twice=True) for f in self.over),
-                    *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
+                    *(
+                        Run(along_name(adjoint_name(s)), True)
+                        for s in reversed(self.sweeps)
+                        if not loops or s not in POSES
+                    ),
                 ),
             ),
         ]
@@ -209,11 +213,17 @@ class Measures(WithLoops):
 
     def _loops_along(self, gradient: tuple[Array, ...], dgaps: list[Array]) -> list[Step]:
         side, coordinates = self.side.tangent(), self.along_coordinates.tangent()
+        poses = [s for s in reversed(POSES) if s in self.sweeps]
         return [
             *(Own(a) for a in (side, coordinates)),
             *self._solved(gradient[1], dgaps[0]),
-            self._added("velocities", "rate_gaps", "velocities", "pose", "rotations"),
+            changed("velocities", "rate_gaps", "velocities"),
+            performed(
+                f"{self.of}_tangents_of_poses",
+                "Tangents of the adjoints of poses.",
+                tuple(Run(along_name(adjoint_name(s)), True) for s in poses),
+            ),
             *run_along("coordinate_forces"),
             *self._solved(coordinates, dgaps[1]),
-            self._added("positions", "gaps", "pose", "rotations"),
+            changed("positions", "gaps", *poses),
         ]
