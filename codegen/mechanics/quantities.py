@@ -75,6 +75,9 @@ ELEMENTS = Quantity(
 )
 """Potential energy of force elements, given positions and attitudes."""
 
+RATES = Quantity("rates", run("rates"), run("rate_tangents"))
+"""Time derivatives of the coordinates."""
+
 QUANTITIES = {q.name: q for q in (POSE, KINETIC, ACCELERATION, MASSES, MOMENTA)}
 """Quantities that outputs may read, by name, in the order of computation."""
 

@@ -54,6 +54,7 @@ from .stores import (
     DMULTIPLIER_BAR,
     DP,
     DPOTENTIAL,
+    DQDOT,
     DUDOT_BAR,
     ELEMENT_CONSTANTS,
     LOOP_CONSTANTS,
@@ -142,7 +143,7 @@ class SecondOrder:
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
-        self.unread = (DKINETIC, DPOTENTIAL, *(() if loops else (DFORCE,)))
+        self.unread = (DKINETIC, DPOTENTIAL, DQDOT, *(() if loops else (DFORCE,)))
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in varying_of_ground(patterns.system)} | given
         """Tangents and adjoints that can differ from zero."""
 

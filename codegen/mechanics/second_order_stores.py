@@ -50,6 +50,7 @@ from .stores import (
     DPOTENTIAL,
     DPOTENTIAL_BAR,
     DQ,
+    DQDOT,
     DRATE_GAP,
     DRATE_GAP_BAR,
     DRIVE,
@@ -79,6 +80,8 @@ from .stores import (
     MULTIPLIER_BAR,
     POTENTIAL,
     POTENTIAL_BAR,
+    QDOT,
+    QDOT_BAR,
     RATE_GAP,
     RATE_GAP_BAR,
     RECORD,
@@ -93,7 +96,7 @@ from .stores import (
 TANGENTS = {
     COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
     FORCE: DFORCE, MULTIPLIER: DMULTIPLIER, GAP: DGAP, RATE_GAP: DRATE_GAP, ACCELERATION_GAP: DACCELERATION_GAP,
-    COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ, KINETIC: DKINETIC, POTENTIAL: DPOTENTIAL, MASSES: DMASSES,
+    COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ, QDOT: DQDOT, KINETIC: DKINETIC, POTENTIAL: DPOTENTIAL, MASSES: DMASSES,
     MOMENTA: DMOMENTA,
 }  # fmt: skip
 """The tangents of arguments, results and formulas."""
@@ -102,7 +105,7 @@ ADJOINTS = {
     DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
     DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
     DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
-    DKINETIC: KINETIC_BAR, DPOTENTIAL: POTENTIAL_BAR, DMASSES: MASSES_BAR, DMOMENTA: MOMENTA_BAR,
+    DQDOT: QDOT_BAR, DKINETIC: KINETIC_BAR, DPOTENTIAL: POTENTIAL_BAR, DMASSES: MASSES_BAR, DMOMENTA: MOMENTA_BAR,
 }  # fmt: skip
 """The store of adjoints for each store of tangents."""
 
@@ -123,6 +126,9 @@ GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
 
 READ_BY_LOOPS = (GQ, GU)
 """Adjoints from which the multipliers of loops follow."""
+
+HELD = (RATE_GAP_BAR, GAP_BAR, QDOT_BAR)
+"""Adjoints without tangents: multipliers whose changes are added later, and weights of coordinate rates."""
 
 _PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma", CHANGE_LANE: "ca"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
@@ -182,6 +188,8 @@ def along_of_adjoint(store: Store) -> Store:
 
 def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
     """The place of the tangent of a value or of an adjoint."""
+    if base_of(store) in HELD:
+        return None
     if store.memory is ADJOINT:
         return in_memory(memory, store), name
     found = _found(ADJOINT_TANGENTS, store)

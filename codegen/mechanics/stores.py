@@ -112,6 +112,7 @@ CE_PARAMETER, CE_DP = Store("ceparameter", ELEMENT, PER_PARAMETER), Store("cedp"
 
 COORDINATES, DQ = Store("q", LINK, PER_COORDINATE), Store("dq", LINK, PER_COORDINATE_LANE)
 QDOT, DQDOT = Store("qdot", LINK, PER_COORDINATE), Store("dqdot", LINK, PER_COORDINATE_LANE)
+QDOT_BAR = Store("qdot_bar", LINK, PER_COORDINATE)
 STEP = Store("step", LINK, PER_COORDINATE)
 SPEEDS, DU = Store("u", LINK, PER_SPEED), Store("du", LINK, PER_SPEED_LANE)
 GIVEN_U = Store("given_u", LINK, PER_SPEED)

@@ -322,7 +322,7 @@ def _together() -> list[Sweep]:
 
 
 DIFFERENTIATED_TWICE = (
-    "rotations", "pose", "velocities", "kinetic", "masses", "momenta", "moments", "element_energy", "clear", "loads",
+    "rotations", "rates", "pose", "velocities", "kinetic", "masses", "momenta", "moments", "element_energy", "clear", "loads",
     "found_motion", "tree_motion", "missing_forces", "clear_wrenches", "wrenches", "tree_forces", "acceleration_gaps",
     "rate_gaps", "gaps", "coordinate_forces", "tangential_gradients",
 )  # fmt: skip

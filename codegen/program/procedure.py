@@ -24,7 +24,7 @@ GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of th
 GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
 PASSING_ADJOINTS = "adjoints that links pass on"
 ADJOINT_VALUES, ADJOINT_TANGENTS, GROUND_TWICE = "adjoints of values", "tangents of adjoints", "the ground's adjoint"
-KEPT_ADJOINTS, RESTORED_ADJOINTS = "copy of the adjoints", "adjoints from their copy"
+NO_TANGENTS, KEPT_ADJOINTS, RESTORED_ADJOINTS = "no tangents", "copy of the adjoints", "adjoints from their copy"
 GROUND_GRADIENT = "the gradient by gravity's parameters"
 """Preparations outside of the sweeps: constants from parameters; sines and cosines; the state of the ground, which accelerates by
 -g or, for the mass matrix, not at all; memory of directions, or of one vector of weights, cleared before transposed sweeps."""

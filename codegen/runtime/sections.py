@@ -33,6 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     ),
     "second derivatives": (
         "hessian_products", "output_hessian_products", "energy_hessian_products", "inverse_dynamics_hessian_products",
+        "coordinate_rate_hessian_products", "assemble_hessian_products",
     ),
     "energies": ("energies", "energy_sensitivities"), "outputs": ("outputs", "output_sensitivities"),
     "forces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities"),

@@ -13,7 +13,10 @@ from . import FLOAT64, C
 from .libraries import LIBRARIES, few_of, guard_of_library, number_of
 from .vectors import words
 
-ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b", "force_weights", "energy_weights", "output_weights")
+ARGUMENTS = (
+    "q", "u", "p", "inputs", "udot", "b", "force_weights", "energy_weights", "output_weights", "rate_weights", "q_weights",
+    "u_weights",
+)  # fmt: skip
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
 """Arguments and seeds, except `t`, in the order of their pointers; `codegen.runtime.standalone.calls.functions` has the same
 list."""

@@ -214,6 +214,8 @@ class CPrepared(CMemory):
                 return self.no_adjoints()
             case procedures.ADJOINT_TANGENTS:
                 return [*self.no_tangents(), *self.ground_along()]
+            case procedures.NO_TANGENTS:
+                return self.no_tangents()
             case procedures.KEPT_ADJOINTS:
                 return self.copied("kept_adjoints", "adjoints")
             case procedures.RESTORED_ADJOINTS:

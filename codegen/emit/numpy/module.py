@@ -187,15 +187,12 @@ class NumpyWriter(Writer):
             case procedures.ADJOINT_VALUES:
                 return ["a.adjoints = [Adjoints() for _ in a.records]"]
             case procedures.ADJOINT_TANGENTS:
-                regions = ("tangents", "adjoint_tangents", "mass_tangents", "adjoint_changes")
                 return [
-                    *(
-                        f"a.{region} = [Adjoints() for _ in a.records]"
-                        for region in regions
-                        if self.layout.fields[region]
-                    ),
+                    *self.no_tangents(),
                     *(f"a.tangents[GROUND]{_key(n)} = {self._along(first)}" for n, first, _ in self.plan.ground.twice),
                 ]
+            case procedures.NO_TANGENTS:
+                return self.no_tangents()
             case procedures.KEPT_ADJOINTS:
                 return ["a.kept_adjoints = [Adjoints(x) for x in a.adjoints]"]
             case procedures.RESTORED_ADJOINTS:
@@ -233,6 +230,11 @@ class NumpyWriter(Writer):
         model = self.model
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
         return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.plan.arrays.items()]
+
+    def no_tangents(self) -> list[str]:
+        """Lines that empty the memory of tangents and of tangents of adjoints."""
+        regions = ("tangents", "adjoint_tangents", "mass_tangents", "adjoint_changes")
+        return [f"a.{r} = [Adjoints() for _ in a.records]" for r in regions if self.layout.fields[r]]
 
     def ground_twice(self) -> list[str]:
         """Lines that add the contributions of the ground's adjoint to the tangents of gradients."""

@@ -27,7 +27,17 @@ from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
 from .second_order_loops import WithLoops, bar_of
-from .second_order_measures import ENERGY_PRODUCTS, OUTPUT_PRODUCTS, energy_products, lacking, output_products
+from .second_order_measures import (
+    ASSEMBLY_PRODUCTS,
+    ENERGY_PRODUCTS,
+    OUTPUT_PRODUCTS,
+    RATE_PRODUCTS,
+    assembly_products,
+    energy_products,
+    lacking,
+    output_products,
+    rate_products,
+)
 from .shared import Shared, performed
 from .words import OTHER_WIDTHS
 
@@ -258,5 +268,7 @@ SECOND_ORDER: Mapping[str, tuple[Callable[[Shared], str], Callable[[Shared], Pro
     INVERSE_DYNAMICS_PRODUCTS: (_tree, inverse_dynamics_products),
     ENERGY_PRODUCTS: (lambda w: "", energy_products),
     OUTPUT_PRODUCTS: (lacking, output_products),
+    RATE_PRODUCTS: (lambda w: "", rate_products),
+    ASSEMBLY_PRODUCTS: (lambda w: "" if w.loops else "loops, and this model has none", assembly_products),
 }
 """For each function: what a model lacks for it, or "", and the procedure."""

@@ -95,9 +95,9 @@ class WithLoops:
         solved = self.multiplier.called("response_multiplier")
         acceleration_gap, rate_gap, gap = self.gaps
         return [
-            *(step for a in (self.multiplier, nothing, *self.gaps, solved) for step in (Own(a), Zero(a))),
-            *(Own(a) for a in (self.force, self.side, self.along_coordinates)),
-            Own(virtual),
+            *(Own(a) for a in (self.multiplier, *self.gaps, solved, virtual)),
+            *(Own(a) for a in (self.force, self.side, self.along_coordinates, nothing)),
+            Zero(nothing),
             Single(
                 RESPONSE,
                 ((self.right, weights), (self.gap_right, nothing)),
@@ -211,7 +211,8 @@ class WithLoops:
             Bind(self.dudot, found_dudot),
             w.balance,
             *(Own(a) for a in (self.side.tangent(), gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
-            *(step for a in (self.wrench, *dgaps, dforce_bar) for step in (Own(a), Zero(a))),
+            *map(Own, (self.wrench, *dgaps)),
+            Zero(self.wrench),
             *(Own(a.tangent()) for a in self.bars),
             Bind(self.found, self.wrench),
             performed(

@@ -8,6 +8,7 @@ from dataclasses import replace
 from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_VALUES,
+    NO_TANGENTS,
     AddEntry,
     Array,
     Bind,
@@ -24,7 +25,7 @@ from ...program.procedure import (
     ZeroEntries,
 )
 from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
-from ..quantities import ENERGIES, Quantity, measured, run
+from ..quantities import ENERGIES, RATES, Quantity, measured, run
 from ..sweeps import DIFFERENTIATED_TWICE, adjoint_name, along_name
 from .measures import energies
 from .second_order_loops import MULTIPLIERS, POSES, WithLoops, bar_of, changed, run_along
@@ -32,6 +33,7 @@ from .shared import Shared, performed
 from .words import OTHER_WIDTHS, OUTPUTS
 
 ENERGY_PRODUCTS, OUTPUT_PRODUCTS = "energy_hessian_products", "output_hessian_products"
+RATE_PRODUCTS, ASSEMBLY_PRODUCTS = "coordinate_rate_hessian_products", "assemble_hessian_products"
 
 
 def energy_products(w: Shared) -> Procedure:
@@ -40,7 +42,7 @@ def energy_products(w: Shared) -> Procedure:
     weights = w.one("energy_weights")
     made = Measures(w, "energy", measured(w.system, (), range(len(ENERGIES))), ())
     begin: tuple[Step, ...] = (Combine(bar, (weights,)),)
-    return made.procedure(ENERGY_PRODUCTS, energies(w)[0].arguments, weights, begin)
+    return made.procedure(ENERGY_PRODUCTS, energies(w)[0].arguments, (weights,), begin)
 
 
 def output_products(w: Shared) -> Procedure:
@@ -58,7 +60,22 @@ def output_products(w: Shared) -> Procedure:
         Combine(bar, (weights,)),
         *(AddEntry(energy_bar, entry, bar, i) for i, entry in entries.items()),
     )
-    return made.procedure(OUTPUT_PRODUCTS, w.of(*w.state), weights, begin, [bar])
+    return made.procedure(OUTPUT_PRODUCTS, w.of(*w.state), (weights,), begin, [bar])
+
+
+def rate_products(w: Shared) -> Procedure:
+    """The Hessian of a weighted sum of the rates of coordinates times directions: the change of its gradient."""
+    bar, weights = w.one("qdot").called("qdot_bar"), w.one("rate_weights")
+    made = Measures(w, "rate", [RATES], (), of_state=False)
+    begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
+    return made.procedure(RATE_PRODUCTS, w.of("q", "u", *(w.p if w.loops else ())), (weights,), begin)
+
+
+def assembly_products(w: Shared) -> Procedure:
+    """The Hessian of a weighted sum of the assembled coordinates and speeds times directions: the change of its gradient."""
+    made, weights = Measures(w, "assembly", [], (), of_state=False), w.of("q_weights", "u_weights")
+    begin: tuple[Step, ...] = tuple(Combine(a, (of,)) for a, of in zip(made.zero, weights, strict=True))
+    return made.procedure(ASSEMBLY_PRODUCTS, w.of("q", "u", *w.p), weights, begin)
 
 
 def lacking(w: Shared) -> str:
@@ -87,12 +104,16 @@ class Measures(WithLoops):
         In the order of computation.
     formulas : tuple of Formulas
         Formulas that read the quantities.
+    of_state : bool
+        Whether the quantities depend on gravity or on constants of a tree.
     """
 
-    def __init__(self, w: Shared, of: str, quantities: list[Quantity], formulas: tuple[Formulas, ...]):
+    def __init__(
+        self, w: Shared, of: str, quantities: list[Quantity], formulas: tuple[Formulas, ...], of_state: bool = True
+    ):
         steps = [s for q in quantities for s in q.values]
         coefficients = [s for s in w.coefficients if s in steps]
-        inner = [*w.motions, *coefficients]
+        inner = [*(w.motions if of_state or w.loops else ()), *coefficients]
         super().__init__(w, inner, [bar_of(w, f) for f in inner])
         self.of, self.quantities, self.coefficients = of, quantities, coefficients
         self.over = (*formulas, *(s for s in steps if isinstance(s, Formulas) and s not in coefficients))
@@ -100,27 +121,38 @@ class Measures(WithLoops):
         of_pose = {"rotations", *(("pose", "velocities", "rate_gaps", "gaps") if w.loops else ())}
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [s for s in DIFFERENTIATED_TWICE if s in measures | of_pose and (quaternions or s != "rotations")]
-        self.of_values = [s for s in self.sweeps if s not in ("rate_gaps", "gaps")]
+        self.of_values = [s for s in self.sweeps if s not in ("rates", "rate_gaps", "gaps")]
+        """Sweeps whose values and tangents are needed."""
+        self.start = w.begin if of_state or w.loops else run("rotations")
+        self.clear = ADJOINT_TANGENTS if of_state else NO_TANGENTS
         self.sums = [w.one(n) for q in quantities for n in q.sums]
         self.energies = [w.one("energy")] if any(q.energy for q in quantities) else []
         self.sum_bars = [a.called(f"{a.name}_bar") for a in (*self.sums, *self.energies)]
         self.zero = [self.gq, self.gu] if w.loops else []
 
     def procedure(
-        self, name: str, given: tuple[Array, ...], weights: Array, begin: tuple[Step, ...], bars: Iterable[Array] = ()
+        self,
+        name: str,
+        given: tuple[Array, ...],
+        weights: tuple[Array, ...],
+        begin: tuple[Step, ...],
+        bars: Iterable[Array] = (),
     ) -> Procedure:
         """The function; `begin` sets the adjoints `bars` of results to the weights."""
         gradient = tuple(self.w.one(f"dg{a.name}") for a in given)
         self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
-        sums = (*self.sums, *self.energies)
+        sums, weighted = (
+            (*self.sums, *self.energies),
+            " + ".join(f"{a.name} . {a.name.removesuffix('_weights')}" for a in weights),
+        )
         checks = (Check(True),) if self.w.formula_pivots and OUTPUTS in self.over else ()
         return Procedure(
             name,
-            f"Products of the Hessian of {weights.name} . {weights.name.removesuffix('_weights')} with directions.",
-            (*given, weights),
+            f"Products of the Hessian of {weighted} with directions.",
+            (*given, *weights),
             gradient,
             (
-                *self.w.begin,
+                *self.start,
                 *(step for a in sums for step in (Own(a), Zero(a))),
                 *self.coefficients,
                 *run(*self.of_values),
@@ -139,21 +171,21 @@ class Measures(WithLoops):
         owned = [*self.sum_bars, *self.bars, *self.zero]
         found: list[Step] = [Own(a) for a in owned]
         if not self.w.loops:
-            return [*found, self._back("", self.sweeps)]
+            return [*found, self._all_back("", self.sweeps)]
         _, rate_gap, gap = self.gaps
         return [
             *found,
             *(Own(a) for a in (self.side, self.along_coordinates)),
-            *(step for a in (rate_gap, gap) for step in (Own(a), Zero(a))),
-            self._back("speeds", self.of_values),
+            *map(Own, (rate_gap, gap)),
+            self._all_back("speeds", [s for s in self.sweeps if s not in ("rate_gaps", "gaps")]),
             *self._single(self.gu, rate_gap),
-            self._back("coordinates", [s for s in self.sweeps if s != "gaps"]),
+            self._all_back("coordinates", [s for s in self.sweeps if s != "gaps"]),
             *run("coordinate_forces"),
             *self._single(self.along_coordinates, gap),
-            self._back("", self.sweeps),
+            self._all_back("", self.sweeps),
         ]
 
-    def _back(self, which: str, sweeps: Iterable[str]) -> Perform:
+    def _all_back(self, which: str, sweeps: Iterable[str]) -> Perform:
         chosen = set(sweeps)
         steps: tuple[Step, ...] = (
             *(Zero(a) for a in (*self.zero, *self.bars, *self.sum_bars)),
@@ -173,15 +205,16 @@ class Measures(WithLoops):
         dgaps = [a.tangent() for a in self.gaps[1:]] if loops else []
         along = [a.tangent() for a in self.sums]
         dbars = [a.tangent() for a in (*self.bars, *self.given_bars)]
-        begin: tuple[Step, ...] = w.along if loops else tuple(f.tangents() for f in w.motions)
+        begin: tuple[Step, ...] = w.along if loops else tuple(f.tangents() for f in w.motions if f in self.formulas)
         found: list[Step] = [
             *begin,
             *(f.tangents() for f in self.coefficients),
-            *(step for a in (*along, *dbars, *dgaps) for step in (Own(a), Zero(a))),
+            *(step for a in (*along, *dbars) for step in (Own(a), Zero(a))),
+            *map(Own, dgaps),
             performed(
                 f"{self.of}_tangents",
                 "Tangents of the quantities.",
-                (Prepare(ADJOINT_TANGENTS, True), *(Run(along_name(s), True) for s in self.of_values)),
+                (Prepare(self.clear, True), *(Run(along_name(s), True) for s in self.of_values)),
             ),
             *map(Zero, gradient),
             performed(

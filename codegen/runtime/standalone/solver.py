@@ -1063,6 +1063,89 @@ class Solver(Package):
         """
         return self._hessians.products("energies", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out)
 
+    def coordinate_rate_hessian_products(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights: Numbers,
+        dq: Numbers = None, du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Numbers = None,
+        out: Any = None,
+    ) -> HessianProducts:  # fmt: skip
+        """Return products of the Hessian of ``sum_i weights_i qdot_i`` with directions, exact to rounding.
+
+        They are the changes of its gradient (`coordinate_rate_gradients`) along the directions; see `hessian_products`.
+        They are zero unless the model has loops or quaternions. The function is generated on request, with
+        ``--functions``.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            Coordinates and speeds, SI units and radians.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
+        weights : array_like (..., nq)
+            Weights of the rates of the coordinates.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed.
+        out : tuple of ndarray, optional
+            Arrays for the five results.
+
+        Returns
+        -------
+        HessianProducts
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...).
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> pendulum.coordinate_rate_hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0]).q  # qdot = u
+        array([[0.]])
+        """
+        return self._hessians.products(
+            "coordinate_rates", (q, u, p, inputs, t, weights), (dq, du, dp, dinputs, dt), out
+        )
+
+    def assemble_hessian_products(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        weights_q: Numbers = None, weights_u: Numbers = None, dq: Numbers = None, du: Numbers = None,
+        dp: Numbers = None, dinputs: Numbers = None, dt: Numbers = None,
+    ) -> HessianProducts:  # fmt: skip
+        """Return products of the Hessian of a weighted sum of the assembled state with directions, exact to rounding.
+
+        They are the changes of its gradient (`assemble_gradients`) along the directions: second derivatives of dependent
+        coordinates and speeds. For loops, the function is generated on request, with ``--functions``; models with
+        quaternions also need `assemble_gradients`.
+
+        Parameters
+        ----------
+        q, u : array_like (..., nq), (..., nu)
+            The guess: independent entries are kept, dependent ones are changed.
+        p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
+            Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
+        weights_q, weights_u : array_like (..., nq), (..., nu), optional
+            Weights of the assembled coordinates and speeds; those left out are zero.
+        dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
+            Entries of k directions; those left out are zero. At least one is needed. Dependent entries are not read.
+
+        Returns
+        -------
+        HessianProducts
+            `q` (k, ..., nq), `u`, `p`, `inputs` and `t` (k, ...); those of dependent entries are zero.
+
+        Raises
+        ------
+        ValueError
+            If an argument has the wrong shape, or a number is not finite.
+
+        Examples
+        --------
+        >>> q, u = four_bar.initial
+        >>> four_bar.assemble_hessian_products(q, u, weights_q={"rocker": 1.0}, dq={"crank": 1.0}).q.round(3)
+        """
+        given, seeds = (q, u, p, inputs, t), (dq, du, dp, dinputs, dt)
+        return self._hessians.of_assembled(given, weights_q, weights_u, seeds)
+
     def inverse_dynamics_hessian_products(
         self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         weights: Numbers, dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None,
@@ -1148,7 +1231,7 @@ class Solver(Package):
 
     @functools.cached_property
     def _hessians(self) -> Hessians:
-        return Hessians(self)
+        return Hessians(self, self._states)
 
     # -- energies ------------------------------------------------------------------------------------------------------
 

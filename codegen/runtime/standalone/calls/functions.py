@@ -9,7 +9,10 @@ from typing import Any
 
 from ..arrays import Array, Shape
 
-ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b", "force_weights", "energy_weights", "output_weights")
+ARGUMENTS = (
+    "q", "u", "p", "inputs", "udot", "b", "force_weights", "energy_weights", "output_weights", "rate_weights", "q_weights",
+    "u_weights",
+)  # fmt: skip
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
 """Arguments and seeds, in the order of their pointers in ``NAME_calls.c``; `t` is passed by value."""
 
@@ -28,6 +31,8 @@ TAKES = {
     "inverse_dynamics_hessian_products": (*STATE, "udot", "force_weights"),
     "energy_hessian_products": (*STATE, "energy_weights"),
     "output_hessian_products": (*STATE, "output_weights"),
+    "coordinate_rate_hessian_products": (*STATE, "rate_weights"),
+    "assemble_hessian_products": (*STATE, "q_weights", "u_weights"),
     "initial": ("p",),
     "point_place": ("p",),
     "newton_step": ("q", "p", "inputs", "t"),
@@ -49,6 +54,9 @@ WEIGHTS = {
     "dfull_u": "weights_u",
 }  # fmt: skip
 """Names of the seeds of transposed functions in solver methods."""
+
+CURVING = ("b", *(n for n in ARGUMENTS if n.endswith("weights")))
+"""Arguments that hold weights of results; products with second derivatives have no directions for them."""
 
 BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",
@@ -89,7 +97,7 @@ COMPOSED = ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inv
 OF_COMPOSED = ("energy_sensitivities", "accelerations", "sensitivities")
 """Mass matrix and inverse dynamics, and the functions from which they are composed in mechanisms with loops."""
 
-TREES = ("assemble_gradients",)
+TREES = ("assemble_gradients", "assemble_hessian_products")
 """Methods in `SOMETIMES` that need no generated function if a model has no loops."""
 
 MADE_OF = {
@@ -102,7 +110,10 @@ MADE_OF = {
     **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
     "bias_force": ("inverse_dynamics",), "bias_force_sensitivities": ("inverse_dynamics_sensitivities",),
     "initial_sensitivities": ("assemble_sensitivities", *CLOSING),
-    "hessians": ("hessian_products", "output_hessian_products", "energy_hessian_products"),
+    "hessians": (
+        "hessian_products", "output_hessian_products", "energy_hessian_products", "coordinate_rate_hessian_products",
+    ),
+    "assemble_hessian_products": ("assemble_hessian_products", *CLOSING),
 }  # fmt: skip
 """Methods, each with the generated functions of other names that it calls."""
 
@@ -113,7 +124,8 @@ SOMETIMES = (
     "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "hessian_products", "hessians", "inverse_dynamics_hessian_products",
-    "output_hessian_products", "energy_hessian_products", "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "output_hessian_products", "energy_hessian_products", "coordinate_rate_hessian_products", "assemble_hessian_products",
+    "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that a package may lack."""
@@ -220,7 +232,8 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,), "weights": (nu,),
-        "force_weights": (nu,), "energy_weights": (2,), "output_weights": (noutputs,),
+        "force_weights": (nu,), "energy_weights": (2,), "output_weights": (noutputs,), "rate_weights": (nq,),
+        "q_weights": (nq,), "u_weights": (nu,),
         "gq": (nq,), "gu": (nu,), "gudot": (nu,), "gp": (n_p,), "ginputs": (ninputs,), "gt": (),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
         "inverse_M": (nu, nu),
@@ -237,7 +250,8 @@ def names_of(manifest: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
     return {
         "q": q, "u": u, "udot": u, "b": u, "weights": u, "force_weights": u, "output_weights": tuple(manifest["output_names"]),
-        "energy_weights": ("kinetic", "potential"), "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+        "energy_weights": ("kinetic", "potential"), "rate_weights": q, "q_weights": q, "u_weights": u, "p": p,
+        "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
         "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
     }  # fmt: skip
 
@@ -257,7 +271,7 @@ def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -
     of = name.removesuffix("_transposed").removesuffix("_sensitivities")
     takes = TAKES.get(of) or TAKES.get(of.removesuffix("s"), STATE)
     order = (*STATE, *(n for n in takes if n not in STATE))
-    of_seeds = order[:-1] if name.endswith("hessian_products") else order
+    of_seeds = [n for n in order if n not in CURVING] if name.endswith("hessian_products") else order
     directions = WEIGHTED.get(name) or tuple(f"d{n}" for n in of_seeds if seeds)
     return Function(
         name, arguments, seeds, results, of_results, derived, widths, frozenset(takes), order, directions

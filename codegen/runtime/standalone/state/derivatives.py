@@ -226,6 +226,7 @@ CURVED = {
     "accelerations": _curved("hessian_products", "b"),
     "outputs": _curved("output_hessian_products", "output_weights"),
     "energies": _curved("energy_hessian_products", "energy_weights"),
+    "coordinate_rates": _curved("coordinate_rate_hessian_products", "rate_weights"),
     "inverse_dynamics": _curved(
         "inverse_dynamics_hessian_products", "force_weights", ("q", "u", "udot", "p", "inputs", "t")
     ),

@@ -7,13 +7,45 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array, Numbers
+from ..arrays import Array, Numbers, filled, lengths
+from ..assembly.states import States
+from ..calls.arguments import Seeds
+from ..calls.functions import ALONG, STATE, Wanted
+from ..calls.package import Package, state
 from ..calls.room import Room
 from .derivatives import CURVED, JACOBIANS, HessianProducts, InverseDynamicsProducts, asked_for
+
+ASSEMBLED = Wanted("assemble_hessian_products", [f"dg{n}" for n in JACOBIANS])
+BY_COORDINATES = Wanted("completion_sensitivities_transposed", ALONG)
+
+
+def across(v: Array, e: Array) -> Array:
+    """The part of v across the quaternion e of unit length."""
+    found: Array = v - e * np.sum(e * v, axis=-1, keepdims=True)
+    return found
+
+
+def by_given(db: Array, b: Array, e: Array, dx: Array, length: Array, partial: bool) -> Array:
+    """Change along dx of the gradient by a quaternion x that is divided by its length.
+
+    The gradient is ``(b - e (e . b)) / length`` with ``e = x / length``; b changes by `db`. If loops determine a part of the
+    quaternion, b has no component along e, and `db` is the change of such a b.
+    """
+    shorter = across(b, e) * np.sum(e * dx, axis=-1, keepdims=True) / length
+    if not partial:
+        de = across(dx, e) / length
+        moved = de * np.sum(e * b, axis=-1, keepdims=True) + e * np.sum(de * b, axis=-1, keepdims=True)
+        db = across(db, e) - moved
+    found: Array = (db - shorter) / length
+    return found
 
 
 class Hessians(Room):
     """Second derivatives of weighted sums of the results of a function."""
+
+    def __init__(self, package: Package, states: States):
+        super().__init__(package)
+        self.states = states
 
     def products(self, of: str, given: tuple[Any, ...], seeds: tuple[Any, ...], out: Any = None) -> HessianProducts:
         """See `Solver.hessian_products`; `of` is a key of `CURVED`."""
@@ -24,6 +56,58 @@ class Hessians(Room):
     ) -> InverseDynamicsProducts:
         """See `Solver.inverse_dynamics_hessian_products`."""
         return InverseDynamicsProducts(*self._computed("inverse_dynamics", given, seeds, out))
+
+    def of_assembled(
+        self, given: tuple[Any, ...], weights_q: Numbers, weights_u: Numbers, seeds: tuple[Any, ...]
+    ) -> HessianProducts:
+        """See `Solver.assemble_hessian_products`."""
+        arrays, batch = self._arguments.take(state(*given), self._left_out)
+        (along, k), batch = Seeds.take(self._arguments, dict(zip(ALONG, seeds, strict=True)), arrays, batch)
+        q_new: Array = self.states.assembled(arrays, batch)
+        weights = [
+            self._weights(name, given, of, batch, q_new)
+            for name, given, of in (("weights_q", weights_q, "q"), ("weights_u", weights_u, "u"))
+        ]
+        at = tuple({**arrays, "q": q_new}[n] for n in STATE)
+        seed = along.get("dq")
+        before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions if seed is not None}
+        if before:
+            dq = np.array(np.broadcast_to(seed, (k, *batch, self.nq)), q_new.dtype)
+            for i, length in before.items():
+                dq[..., i : i + 4] = across(dq[..., i : i + 4], q_new[..., i : i + 4]) / length
+            seeds = (dq, *seeds[1:])
+        if self.closure_names:
+            found = HessianProducts(*self._call(ASSEMBLED, (*at, *weights), seeds, None))
+        else:
+            found = HessianProducts(*(np.zeros((k, *batch, *self._shapes[n]), q_new.dtype) for n in STATE))
+        if before:
+            gradient = self._gradient(at, weights)
+            for i, length in before.items():
+                part = (..., slice(i, i + 4))
+                found.q[part] = by_given(
+                    found.q[part], gradient[part], q_new[part], seed[part], length, self._partial(i)
+                )
+        return found
+
+    def _partial(self, i: int) -> bool:
+        """Whether loops determine some rotations of a quaternion, but not all."""
+        joint = self.coordinate_names[i].rpartition(".")[0]
+        free = [f"{joint}.w{axis}" in self.independent_speed_names for axis in "xyz"]
+        return any(free) and not all(free)
+
+    def _weights(self, name: str, given: Numbers, of: str, batch: tuple[int, ...], like: Array) -> Array:
+        shape = (*batch, *self._shapes[of])
+        if given is None:
+            return np.zeros(shape, like.dtype)
+        found: Array = filled(shape, self._arguments.array(name, given, of), like.dtype)
+        return found
+
+    def _gradient(self, at: tuple[Any, ...], weights: list[Array]) -> Array:
+        """Gradient of the weighted sum by coordinates of the closed state, (*batch, nq)."""
+        if not self.closure_names:
+            return weights[0]
+        found: Array = self._call(BY_COORDINATES, at, tuple(w[None] for w in weights))[0]
+        return found[0]
 
     def _computed(self, of: str, given: tuple[Any, ...], seeds: tuple[Any, ...], out: Any) -> tuple[Array, ...]:
         try:
