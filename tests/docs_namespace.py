@@ -14,12 +14,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "solver": ("double_pendulum", {"reactions": True, "frames": True}),
     "four_bar": ("four_bar", {"partitions": 2}),
+    "slider_crank": ("slider_crank", {"functions": "assemble_hessian_products"}),
     "shaken": ("shaken_pendulum", {}),
     "pendulum": (
         "pendulum",
         {
             "functions": "accelerations,gradients,motion,hessian_products,inverse_dynamics_hessian_products,"
-            "output_hessian_products,energy_hessian_products"
+            "output_hessian_products,energy_hessian_products,coordinate_rate_hessian_products"
         },
     ),
 }

@@ -1115,7 +1115,8 @@ class Solver(Package):
 
         They are the changes of its gradient (`assemble_gradients`) along the directions: second derivatives of dependent
         coordinates and speeds. For loops, the function is generated on request, with ``--functions``; models with
-        quaternions also need `assemble_gradients`.
+        quaternions also need `assemble_gradients`. If loops determine a part of a quaternion, directions are completed as
+        by `assemble_sensitivities`, and the Hessian is not symmetric.
 
         Parameters
         ----------
@@ -1140,8 +1141,9 @@ class Solver(Package):
 
         Examples
         --------
-        >>> q, u = four_bar.initial
-        >>> four_bar.assemble_hessian_products(q, u, weights_q={"rocker": 1.0}, dq={"crank": 1.0}).q.round(3)
+        >>> q, u = slider_crank.initial
+        >>> slider_crank.assemble_hessian_products(q, u, weights_q={"piston": 1.0}, dq={"wheel": 1.0}).q.round(3)
+        array([[-0.12,  0.  ,  0.  ]])
         """
         given, seeds = (q, u, p, inputs, t), (dq, du, dp, dinputs, dt)
         return self._hessians.of_assembled(given, weights_q, weights_u, seeds)
@@ -1208,8 +1210,8 @@ class Solver(Package):
         wrt : str or iterable of str, optional
             Variables of rows and columns: names among q, u, p, inputs and t, used in this order. Default: all.
         of : str, optional
-            The function whose results are summed: "accelerations", "outputs" or "energies". Generate its products,
-            such as `output_hessian_products`.
+            The function whose results are summed: "accelerations", "outputs", "energies" or "coordinate_rates". Generate
+            its products, such as `output_hessian_products`.
 
         Returns
         -------
