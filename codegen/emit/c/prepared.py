@@ -210,6 +210,17 @@ class CPrepared(CMemory):
                 return self.ground_tangent()[1]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return self.ground_transposed()
+            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
+                return [
+                    f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
+                    for name, lanes, n in self.regions()
+                    if lanes and name not in ("columns", *TWICE) and (name != "lanes" or what == procedures.ADJOINTS)
+                ]
+        return self.prepared_twice(what)
+
+    def prepared_twice(self, what: str) -> list[str]:
+        """Lines of a preparation for second derivatives."""
+        match what:
             case procedures.ADJOINT_VALUES:
                 return self.no_adjoints()
             case procedures.ADJOINT_TANGENTS:
@@ -224,10 +235,4 @@ class CPrepared(CMemory):
                 return self.ground_twice()
             case procedures.GROUND_GRADIENT:
                 return self.ground_gradient()
-            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
-                return [
-                    f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
-                    for name, lanes, n in self.regions()
-                    if lanes and name not in ("columns", *TWICE) and (name != "lanes" or what == procedures.ADJOINTS)
-                ]
         return []

@@ -70,8 +70,8 @@ class Hessians(Room):
         ]
         at = tuple({**arrays, "q": q_new}[n] for n in STATE)
         seed = along.get("dq")
-        before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions if seed is not None}
-        if before:
+        before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
+        if before and seed is not None:
             dq = np.array(np.broadcast_to(seed, (k, *batch, self.nq)), q_new.dtype)
             for i, length in before.items():
                 dq[..., i : i + 4] = across(dq[..., i : i + 4], q_new[..., i : i + 4]) / length
@@ -80,7 +80,7 @@ class Hessians(Room):
             found = HessianProducts(*self._call(ASSEMBLED, (*at, *weights), seeds, None))
         else:
             found = HessianProducts(*(np.zeros((k, *batch, *self._shapes[n]), q_new.dtype) for n in STATE))
-        if before:
+        if before and seed is not None:
             gradient = self._gradient(at, weights)
             for i, length in before.items():
                 part = (..., slice(i, i + 4))
