@@ -153,6 +153,7 @@ def test_quaternions_need_second_derivatives_of_their_rates(tmp_path):
     codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path / "s", compile=False, functions=functions)
     problem = collocation(codegen.load(tmp_path / "s"), 1.0, 2)
     with pytest.raises(
-        BridgeError, match=r"second derivatives of coordinate_rates.*functions that include 'coordinate_rate_hessian_products'"
+        BridgeError,
+        match=r"second derivatives of coordinate_rates.*functions that include 'coordinate_rate_hessian_products'",
     ):
         problem.solve()
