@@ -8,14 +8,11 @@ import os
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from .sections import CARRIED, is_carried
 from .solver import Solver
-from .standalone.calls.arguments import some
 from .standalone.files.manifest import SEAL, check_files, read_manifest
 from .standalone.trajectory.trajectory import Trajectory
-from .standalone.warning import warn
 
 
 def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
@@ -59,7 +56,6 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     if ours or _is_sealed(path):  # other code may belong to a version without seals
         check_files(path, read_manifest(path), (".py",))
     found: Solver = Solver(path, target) if ours else _package(path, brought).Solver(target)
-    _warn_of_moved_initial(found)
     return found
 
 
@@ -88,19 +84,6 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     'double_pendulum'
     """
     return Trajectory.load(path)
-
-
-def _warn_of_moved_initial(solver: Solver) -> None:
-    """Warns if the initial state differs from the values in the model file, because these do not close the loops."""
-    manifest: dict[str, Any] = getattr(solver, "_manifest", {})  # older packages have none
-    moved: dict[str, float] = manifest.get("moved_initial", {})
-    if moved:
-        q = dict(zip(solver.coordinate_names, manifest["initial"]["q"], strict=True))
-        changes = [f"{name} from {value:.4g} to {q[name]:.4g}" for name, value in moved.items()]
-        warn(
-            f"{solver.name}: the loops cannot be closed with the initial values of the model; initial has other ones: "
-            f"{some(changes)}. Give other values under `initial` of the model, and generate it again"
-        )
 
 
 def _is_sealed(path: Path) -> bool:

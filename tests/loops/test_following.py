@@ -1,5 +1,6 @@
 """Assembly stays on the branch of its guess: against closed forms, and against motions along the same way."""
 
+import importlib
 import re
 import warnings
 
@@ -244,8 +245,9 @@ def test_random_mechanisms_are_followed_as_motions_go(tmp_path, seed):
         assert differences(solver, ways) == {}
 
 
-def test_initial_values_that_assembly_has_changed_are_reported_when_a_package_is_loaded(tmp_path):
-    """The driver is too long to reach its initial angle. An angle that it reaches is kept, without a warning."""
+def test_initial_values_that_assembly_has_changed_are_reported_when_a_package_is_used(tmp_path, monkeypatch):
+    """The driver is too long to reach its initial angle. An angle that it reaches is kept, without a warning. A package that is
+    imported says the same."""
     far = FOUR_BAR.replace("a: 0.05", "a: 0.15").replace("driver: 0.6", "driver: 3.0")
     codegen.generate(codegen.parse_model(far), tmp_path / "far", target="numpy", functions="accelerations")
     with pytest.warns(
@@ -253,6 +255,10 @@ def test_initial_values_that_assembly_has_changed_are_reported_when_a_package_is
     ) as told:
         solver = codegen.load(tmp_path / "far")
     assert re.search(r"to ([-\d.]+)\. Give", str(told[0].message))[1] == f"{solver.initial[0][0]:.4g}"
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(RuntimeWarning, match="cannot be closed with the initial values") as again:
+        importlib.import_module("far").Solver()
+    assert len(again) == 1
     near = far.replace("driver: 3.0", "driver: 1.0")
     codegen.generate(codegen.parse_model(near), tmp_path / "near", target="numpy", functions="accelerations")
     with warnings.catch_warnings():

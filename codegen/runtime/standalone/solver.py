@@ -93,6 +93,12 @@ class Solver(Package):
     ('length_1', 'length_2', 'mass_1', 'mass_2', 'stiffness', 'damping')
     """
 
+    def _is_opened(self) -> None:
+        if "moved_initial" in self._manifest:
+            from .assembly.open_states import warn_of_moved_initial
+
+            warn_of_moved_initial(self)
+
     def _is_used(self) -> None:
         if self._watched or self._opened.manifest.get("dropped"):
             from .assembly.redundancy import Redundancy

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..calls.arguments import some
 from ..calls.functions import STATE, Function, Wanted
 from ..calls.package import Package
 from ..errors import SingularJointError
@@ -81,3 +82,16 @@ class OpenStates:
         arrays, batch, _ = self.package._taken(f, [known[name] for name in f.order])
         found: tuple[Array, ...] = self.package._opened.target.compute(f, arrays, batch)
         return found
+
+
+def warn_of_moved_initial(package: Package) -> None:
+    """Warns if the initial state differs from the values in the model file, because these do not close the loops."""
+    manifest = package._manifest
+    moved: dict[str, float] = manifest.get("moved_initial", {})
+    if moved:
+        q = dict(zip(package.coordinate_names, manifest["initial"]["q"], strict=True))
+        changes = [f"{name} from {value:.4g} to {q[name]:.4g}" for name, value in moved.items()]
+        warn(
+            f"{package.name}: the loops cannot be closed with the initial values of the model; initial has other ones: "
+            f"{some(changes)}. Give other values under `initial` of the model, and generate it again"
+        )

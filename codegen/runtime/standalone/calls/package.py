@@ -79,6 +79,7 @@ class Package:
         self._compiled: dict[int, CTarget] = {}
         self._making = threading.Lock()
         self._use(self._open(0))
+        self._is_opened()
 
     def _read(self) -> dict[str, Any]:
         return read_manifest(self.folder)
@@ -113,6 +114,9 @@ class Package:
         self._calls = opened.target.calls
         self._watched = bool(opened.manifest.get("opening"))
         self._is_used()
+
+    def _is_opened(self) -> None:
+        """Called once; `Solver` warns of an initial state that differs from the model's values."""
 
     def _is_used(self) -> None:
         """A hook that is called after the current partition has changed."""
