@@ -9,10 +9,11 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # What is compiled runs a few times only; tests/emit/test_c.py has the flags of users, and the sanitizers -O2 and -O3. Where
 # a test calls functions of three libraries or more, `compile="all"` is cheaper still.
-os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
+os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native -ffp-contract=off")
 
 import hypothesis
 import pytest
+from kept_files import Generator, make_room
 from tiers import cpu_seconds, mark_campaign, mark_quick
 
 # Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
@@ -31,6 +32,7 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, data
 hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
+GENERATOR = Generator()
 BEGUN = pytest.StashKey[float]()
 """CPU seconds of this process and those it has waited for when a test began."""
 
@@ -95,9 +97,20 @@ def python_compiled_once(whole_run):
         yield
 
 
+@pytest.fixture(scope="session")
+def kept(request, whole_run):
+    """A folder for files that later runs need too, in pytest's cache; without that cache, one of this run."""
+    try:
+        return request.config.cache.mkdir("solvers")
+    except (AttributeError, OSError):  # no cache provider, or a checkout that nobody may write to
+        (folder := whole_run / "kept").mkdir(exist_ok=True)
+        return folder
+
+
 @pytest.fixture(scope="session", autouse=True)
-def made_once(whole_run):
-    """Solvers are written and compiled once in all processes of this run, their dependents chosen once in each.
+def made_once(whole_run, kept):
+    """Solvers are written and compiled once in all processes of this run, and their dependents chosen once; so also in
+    later runs, as far as nothing has changed.
 
     A test that patches anything but the environment makes its own.
     """
@@ -108,6 +121,12 @@ def made_once(whole_run):
     def patched():
         return bool(replacing)
 
-    (kept := whole_run / "kept").mkdir(exist_ok=True)
-    with compiled_once(kept), written_once(kept, patched), chosen_once(patched), noticing_patches(replacing):
+    if os.environ.get("PYTEST_XDIST_WORKER", "gw0") == "gw0":
+        make_room(kept)
+    with (
+        compiled_once(kept),
+        written_once(kept, GENERATOR, patched),
+        chosen_once(kept, GENERATOR, patched),
+        noticing_patches(replacing),
+    ):
         yield

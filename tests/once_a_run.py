@@ -1,4 +1,4 @@
-"""Shares generated and compiled files among the processes of a run; the same input gives the same bytes."""
+"""Shares generated and compiled files among the processes of a run and with later runs; the same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import io
 import os
 import pickle
 import shutil
-import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from kept_files import Generator, put, used
 
 import codegen.pipeline
 from codegen.loops.ears import Partition
@@ -27,6 +27,7 @@ from codegen.pipeline import Source
 from codegen.program.progress import silent
 from codegen.runtime.standalone.calls.caller import CallerBuild
 from codegen.runtime.standalone.files.build import Build
+from codegen.runtime.standalone.files.compiler import processor
 
 SMALL = 20_000
 """Bytes of sources that are compiled each time: tests of compiling itself write them by hand."""
@@ -34,20 +35,30 @@ SMALL = 20_000
 
 @contextmanager
 def compiled_once(kept: Path) -> Iterator[None]:
-    """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike."""
+    """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike.
+
+    With -O0, clang compiles large sources if it is there and ``CC`` names no compiler: it takes two thirds of gcc's time.
+    """
     compile_anew = Build._compile
+    clang = shutil.which("clang")
 
     def compile_or_copy(build: Build, output: Path, log_file: Path) -> None:
         small = sum(s.stat().st_size for s in build.sources) < SMALL
         if type(build) is not CallerBuild and (type(build) is not Build or small):
             return compile_anew(build, output, log_file)
-        library = kept / f"{build.key()}.so"
-        if library.exists():
-            shutil.copyfile(library, output)
-            log_file.unlink(missing_ok=True)
-            return None
-        compile_anew(build, output, log_file)
-        put(library, output.read_bytes())
+        given = build.compiler
+        if clang and "-O0" in build.flags and not os.environ.get("CC"):
+            build.compiler = [clang]
+        try:
+            library = kept / f"{build.key()}.so"
+            if used(library):
+                shutil.copyfile(library, output)
+                log_file.unlink(missing_ok=True)
+                return None
+            compile_anew(build, output, log_file)
+            put(library, output.read_bytes())
+        finally:
+            build.compiler = given
         return None
 
     with pytest.MonkeyPatch.context() as patch:
@@ -56,7 +67,7 @@ def compiled_once(kept: Path) -> Iterator[None]:
 
 
 @contextmanager
-def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
+def written_once(kept: Path, generator: Generator, anew: Callable[[], bool]) -> Iterator[None]:
     """`codegen.generate` takes the text of a solver from a folder where model and options are alike, unless `anew()`.
 
     Callers of `write_solver` itself write it, and so does whoever follows the progress, for those that come later.
@@ -72,14 +83,15 @@ def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
         followed = asked.pop("progress") is not silent
         if anew():
             return write_anew(*arguments, **options)
-        file = kept / digest({n: part(x) for n, x in asked.items()})
-        if file.exists() and not followed:
+        file = kept / f"{digest([generator.key, processor(), {n: part(x) for n, x in asked.items()}])}.source"
+        if not followed and used(file):
             source: Source = pickle.loads(zlib.decompress(file.read_bytes()))
             if printed is not None:
                 printed(source.files, source.manifest)
             return source
         source = write_anew(*arguments, **options)
-        put(file, zlib.compress(pickle.dumps(without_statements(source)), 1))
+        if generator.unchanged():
+            put(file, zlib.compress(pickle.dumps(without_statements(source)), 1))
         return source
 
     with pytest.MonkeyPatch.context() as patch:
@@ -88,8 +100,8 @@ def written_once(kept: Path, anew: Callable[[], bool]) -> Iterator[None]:
 
 
 @contextmanager
-def chosen_once(anew: Callable[[], bool]) -> Iterator[None]:
-    """Dependents of a mechanism are chosen once for the generator and all engines of a process, unless `anew()`."""
+def chosen_once(kept: Path, generator: Generator, anew: Callable[[], bool]) -> Iterator[None]:
+    """Dependents of a mechanism are chosen once for the generator and all engines, unless `anew()`."""
     module = importlib.import_module("codegen.loops.partition")
     choose_anew = module._found
     known: dict[str, Partition] = {}
@@ -97,9 +109,15 @@ def chosen_once(anew: Callable[[], bool]) -> Iterator[None]:
     def choose_or_remember(model: Model, *geometry: Any) -> Partition:
         if anew():
             return choose_anew(model, *geometry)
-        key = digest(part(model))
+        key = digest([generator.key, processor(), part(model)])
         if key not in known:
-            known[key] = choose_anew(model, *geometry)
+            file = kept / f"{key}.partition"
+            if used(file):
+                known[key] = pickle.loads(file.read_bytes())
+            else:
+                known[key] = choose_anew(model, *geometry)
+                if generator.unchanged():
+                    put(file, pickle.dumps(known[key]))
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
@@ -160,10 +178,3 @@ def without_statements(source: Source) -> Source:
         "program": SimpleNamespace(sweep_seconds=program.sweep_seconds),
     }
     return Source(**given)
-
-
-def put(file: Path, content: bytes) -> None:
-    """Write a file such that other processes only ever see it complete."""
-    part = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
-    part.write_bytes(content)
-    part.replace(file)

@@ -1,0 +1,70 @@
+"""Files that tests keep for later runs, and what the text of a solver depends on besides its model."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import threading
+from importlib.metadata import version
+from pathlib import Path
+
+ROOM = 1_000_000_000
+"""Bytes of the files that are kept."""
+
+CHECKOUT = Path(__file__).parents[1]
+LIBRARIES = ("jinja2", "mpmath", "numpy")
+"""What the generator computes and prints with."""
+
+
+class Generator:
+    """The files of the generator when a run begins, before they are imported."""
+
+    def __init__(self) -> None:
+        folders = (CHECKOUT / "codegen", CHECKOUT / "templates")
+        found = sorted(
+            f for folder in folders for f in folder.rglob("*") if "__pycache__" not in f.parts and f.is_file()
+        )
+        self._files = [str(f) for f in (Path(__file__).with_name("once_a_run.py"), *found)]
+        self._begun = self._times()
+        content = hashlib.sha256(repr((sys.version, *map(version, LIBRARIES))).encode())
+        for file in self._files:
+            content.update(f"\0{os.path.relpath(file, CHECKOUT)}\0".encode())
+            content.update(Path(file).read_bytes())
+        self.key = content.hexdigest()
+
+    def unchanged(self) -> bool:
+        """Whether no file has changed since; otherwise nobody knows which text was imported, and nothing may be kept."""
+        try:
+            return self._times() == self._begun
+        except FileNotFoundError:
+            return False
+
+    def _times(self) -> list[tuple[int, int]]:
+        """Time of change and size of each file."""
+        return [(s.st_mtime_ns, s.st_size) for s in map(os.stat, self._files)]
+
+
+def make_room(kept: Path, room: int = ROOM) -> None:
+    """Deletes the files that have not been used for longest, until the others fit."""
+    files = [(s.st_mtime, s.st_size, f) for f in kept.iterdir() for s in [f.stat()]]
+    for _, size, file in sorted(files, reverse=True):
+        room -= size
+        if room < 0:
+            file.unlink(missing_ok=True)
+
+
+def used(file: Path) -> bool:
+    """Whether a file is kept; its time of change becomes that of its last use."""
+    try:
+        os.utime(file)
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def put(file: Path, content: bytes) -> None:
+    """Write a file such that other processes only ever see it complete."""
+    part = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
+    part.write_bytes(content)
+    part.replace(file)
