@@ -59,8 +59,8 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--functions",
         metavar="NAME,...",
-        help="the functions of the solver, if not all: accelerations, sensitivities, gradients, outputs, ...; "
-        "dynamics, rates, mass, forces, states, statics, frames, simulate and motion (simulate and adjoints) are groups",
+        help="functions to generate (default: all): accelerations, sensitivities, gradients, outputs, ...; or groups: "
+        "dynamics, rates, mass, forces, states, statics, frames, simulate, motion (simulate and its adjoint)",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     compiling = parser.add_mutually_exclusive_group()
@@ -428,7 +428,7 @@ def parser_of_commands(wanted: str | None = None) -> argparse.ArgumentParser:
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
     for name, run, module, help_text in (
-        ("simulate", run_simulate, ".simulating", "simulate a motion, with derivatives by parameters"),
+        ("simulate", run_simulate, ".simulating", "simulate a motion and its derivatives with respect to parameters"),
         ("import", run_import, ".importing.command", "convert a robot file to a model file: URDF, MJCF, SDF"),
         (
             "report",

@@ -45,7 +45,7 @@ def add_equations_arguments(parser: argparse.ArgumentParser) -> None:
     _add_common(parser, list(FORMATS))
     parser.add_argument(
         "--form", choices=("tree", "multipliers", "embedded"),
-        help="of a model with loops: with multipliers (default), or in the independent speeds",
+        help="equations of a model with loops: with multipliers (default), or in the independent speeds (embedded)",
     )  # fmt: skip
     parser.add_argument("--values", action="store_true", help="numbers of the model in the place of parameters")
     parser.add_argument(

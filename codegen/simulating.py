@@ -104,7 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         action="append",
         default=[],
-        help="value of a design parameter (default: as in the model)",
+        help="value of a design parameter, in SI units (default: as in the model)",
     )
     parser.add_argument(
         "--inputs",

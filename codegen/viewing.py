@@ -35,7 +35,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument("-t", "--time", type=float, metavar="SECONDS", help="simulate, and play the motion")
     motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
     parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
-                        help="a design parameter, if not as in the model; may be repeated")  # fmt: skip
+                        help="value of a design parameter, in SI units (default: as in the model)")  # fmt: skip
     parser.add_argument(
         "--reactions", action="store_true", help="show arrows of the forces that joints and loops transmit"
     )

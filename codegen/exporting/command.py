@@ -19,14 +19,14 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm export``."""
     parser.add_argument("model", help="model file (YAML)")
     parser.add_argument("--c", action="store_true",
-                        help="plain C99 for small machines: no heap, no variables, with a report of sizes")  # fmt: skip
+                        help="plain C99 for small machines: no heap, no global variables, with a report of sizes")  # fmt: skip
     parser.add_argument("--fmu", action="store_true",
                         help="functional mock-up unit: Model Exchange and Co-Simulation, with source code")  # fmt: skip
     parser.add_argument("--casadi", action="store_true",
                         help="library of functions for CasADi, with first and second derivatives")  # fmt: skip
     parser.add_argument("-o", "--output", metavar="PATH",
                         help="folder, or file of an FMU, to write (default: ./exported/NAME, ./exported/NAME.fmu)")  # fmt: skip
-    parser.add_argument("--functions", metavar="NAME,...", help="the functions of --c or --casadi, if not all")
+    parser.add_argument("--functions", metavar="NAME,...", help="functions of --c or --casadi (default: all)")
     of_c = parser.add_argument_group("plain C")
     of_c.add_argument("--scalar", choices=("float64", "float32"), help="type of all numbers (default: float64)")
     of_fmu = parser.add_argument_group("FMU")

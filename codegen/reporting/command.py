@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", help="model file (YAML), or a folder of them")
     parser.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
     parser.add_argument(
-        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
+        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="duration of the motions (default: 5)"
     )
     parser.add_argument(
         "--compare",
