@@ -178,7 +178,7 @@ def every(solver: Solver) -> dict[str, Bridged]:
     if not isinstance(solver, Package):
         if type(solver).__name__ == "Solver":
             raise BridgeError("solver runs the code of its package, which another ordernm generated; generate it again")
-        raise BridgeError(f"solver is a {type(solver).__name__}, expected a Solver, as ordernm.load returns it")
+        raise BridgeError(f"solver is of type {type(solver).__name__}; give a Solver, as ordernm.load returns it")
     opened = solver._opened
     key = str(opened.folder), str(opened.package.get("seal", "")), opened.number
     if key not in _described:

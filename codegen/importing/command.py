@@ -8,7 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from .bodies import BASES
-from .importer import Imported, Options, import_model
+from .importer import Imported, import_model
+from .options import Options
 from .parameters import WORDS
 
 

@@ -23,6 +23,7 @@ from .files import Files
 from .gepetto import apply_gepetto, beside, is_gepettos
 from .mass import FIXED, check_finite, check_inertias, fix_massless
 from .naming import free_name, model_name, names_a_model, names_for
+from .options import Options, options_of
 from .parameters import Parameters, requested_words
 from .placement import Three, exact_sum
 from .robot import SINGLE, WORLD, BodyForce, Coupling, Effect, Mark, Robot
@@ -33,25 +34,6 @@ from .xml_reading import Element, no_regular_file, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats of robot files, by name of the root element."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Options of an import; see `import_model`."""
-
-    name: str | None = None
-    model: str | None = None
-    key: str | None = None
-    base: str | None = None
-    keep_fixed: bool = False
-    repair: bool = False
-    free_mimic: bool = False
-    motors: bool = False
-    exact_angles: bool = False
-    parameterize: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None = None
-    loops: str | os.PathLike[str] | None = None
-    package_paths: Sequence[str | os.PathLike[str]] = ()
-    folder: str | os.PathLike[str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +177,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     (('arm',), {'hinge': 'arm'})
     """
     # long: the docstring describes every option
-    chosen = Options(**options)
+    chosen = options_of(options)
     file = os.fspath(path)
     for folder in chosen.package_paths:
         if not os.path.isdir(folder):
@@ -309,7 +291,7 @@ def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Opt
     if wrong:
         message = "applies to files only; leave it out"
         raise ModelError([Problem(file, None, None, name, message) for name in wrong])
-    chosen = Options(**options)
+    chosen = options_of(options)
     _check_loops(chosen)
     return chosen
 

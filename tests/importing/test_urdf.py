@@ -205,6 +205,11 @@ def test_what_is_left_out_is_listed_with_its_lines(tmp_path):
         assert f"#   {what}\n" in found.text
 
 
+def test_an_unknown_option_is_refused_with_the_nearest_one(tmp_path):
+    with pytest.raises(TypeError, match=r"an import has no option 'bas'; options are name, .*; did you mean 'base'\?"):
+        imported(tmp_path, robot(link("base"), link("arm"), joint("j", "base", "arm")), bas="free")
+
+
 def test_packages_are_found_where_they_may_be(tmp_path, monkeypatch):
     mesh = '<visual><geometry><mesh filename="package://arm_description/meshes/arm.stl"/></geometry></visual>'
     text = robot(link("base"), link("arm", more=mesh), joint("j", "base", "arm"))

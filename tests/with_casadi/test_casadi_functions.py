@@ -265,7 +265,7 @@ def test_names_that_casadi_reserves_are_refused(tmp_path):
 
 
 def test_a_folder_is_not_a_solver():
-    with pytest.raises(BridgeError, match=r"solver is a str, expected a Solver, as ordernm.load returns it"):
+    with pytest.raises(BridgeError, match=r"solver is of type str; give a Solver, as ordernm.load returns it"):
         codegen.casadi.function("generated/four_bar", "accelerations")
 
 
