@@ -112,20 +112,20 @@ class Arithmetic:
 
     def value_of(self, expression: Expression, values: Mapping[str, Any]) -> Any:
         """Value of a model's expression without derivatives; `codegen.symbolic` overrides it, and `Pairs` evaluates numbers."""
-        raise NotImplementedError(f"numbers of the kind {self.numbers} are evaluated by Pairs")
+        raise NotImplementedError(f"arithmetic {self.numbers} cannot evaluate expressions; use a subclass, or Pairs")
 
     def where_zero(self, x: Any, value: Any, otherwise: Any) -> Any:
         """`value` where x is zero, otherwise `otherwise`; overridden by `codegen.symbolic`, and by `Pairs` for
         numbers."""
-        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+        raise NotImplementedError(f"arithmetic {self.numbers} cannot compare numbers; use a subclass, or Pairs")
 
     def where_negative(self, x: Any, value: Any, otherwise: Any) -> Any:
         """`value` where x is negative, else `otherwise`; as `where_zero`."""
-        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+        raise NotImplementedError(f"arithmetic {self.numbers} cannot compare numbers; use a subclass, or Pairs")
 
     def of_largest(self, numbers: Sequence[Any], values: Sequence[Any]) -> Any:
         """The value with the index of the first of the largest numbers; overridden like `where_zero`."""
-        raise NotImplementedError(f"numbers of the kind {self.numbers} are compared by Pairs")
+        raise NotImplementedError(f"arithmetic {self.numbers} cannot compare numbers; use a subclass, or Pairs")
 
     def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.

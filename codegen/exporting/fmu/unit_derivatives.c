@@ -149,7 +149,8 @@ static int add(unit *x, ordernm_call *c, ordernm_function *function)
     return status;
 }
 
-/* Gradients by parameters through initial values that follow from them until initialisation ends. Returns the status of a function. */
+/* Adds gradients with respect to the parameters that determine initial values, until initialisation ends. Returns the status of a
+ * function. */
 static int add_initial(unit *x)
 {
     scalar *const of[] = {x->dq, x->du, x->dp, x->di, x->dt};
