@@ -15,7 +15,7 @@ from second_derivatives import DIGITS, EXAMPLES, STEP, differences, directions, 
 import codegen
 
 RATES, ASSEMBLY = "coordinate_rate_hessian_products", "assemble_hessian_products"
-OF_TREES = f"coordinate_rate_gradients,{RATES}"
+OF_TREES = f"coordinate_rate_sensitivities,coordinate_rate_gradients,{RATES}"
 OF_LOOPS = f"{OF_TREES},assemble_gradients,{ASSEMBLY},assemble_sensitivities"
 
 
@@ -126,6 +126,10 @@ def test_both_targets_and_batches_agree(name: str, tmp_path: Path) -> None:
     ]
     factors = np.array([1.0, -2.0, 0.0])
     states = [*(np.stack([x, x, x]) for x in state[:4]), 0.0]
+    along = in_numpy.coordinate_rate_sensitivities(*state, dq=seeds["dq"])
+    for x, y in zip(along, in_c.coordinate_rate_sensitivities(*state, dq=seeds["dq"]), strict=True):
+        assert np.abs(x - y).max() <= 1e-13 * np.abs(x).max()
+    assert along[1].any()
     for call in calls:
         alone = call(in_numpy, state, 1.0, seeds)
         largest = max(np.abs(x).max(initial=0) for x in alone)

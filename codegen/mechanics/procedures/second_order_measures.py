@@ -66,7 +66,7 @@ def output_products(w: Shared) -> Procedure:
 def rate_products(w: Shared) -> Procedure:
     """The Hessian of a weighted sum of the rates of coordinates times directions: the change of its gradient."""
     bar, weights = w.one("qdot").called("qdot_bar"), w.one("rate_weights")
-    made = Measures(w, "rate", [RATES], (), of_state=False)
+    made = Measures(w, "coordinate_rate", [RATES], (), of_state=False)
     begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
     return made.procedure(RATE_PRODUCTS, w.of("q", "u", *(w.p if w.loops else ())), (weights,), begin)
 
