@@ -184,3 +184,28 @@ def test_a_switch_just_before_a_knot(made: Callable[..., Made], integrator: str)
                 0.4, Final("w"), p=beside_knot(solver, -sooner), inputs=HELD, wrt=["f"], integrator=integrator
             )
         np.testing.assert_allclose(found.gradients, exact.gradients, rtol=5e-3)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+@pytest.mark.parametrize("way", ["forward", "adjoint"])
+@pytest.mark.parametrize(
+    "force", ["push - 20*sin(q.x) + if(u.x > c, f, 0)", "f - 20*sin(q.x) + push*if(q.x > c, 1, 0)"]
+)
+def test_a_switch_and_a_knot_within_the_errors(
+    made: Callable[..., Made], force: str, way: str, integrator: str
+) -> None:
+    """The time of the switch, or the jump there, depends on the input, and so on whether the knot precedes the switch."""
+    solver: Any = made(parsed, KNOTS.replace("push - 20*sin(q.x) + if(u.x > c, f, 0)", force)).solver
+    at = solver.simulate([0.0, 0.1], p={"c": 100.0}, inputs=HELD, rtol=1e-13, atol=1e-13)
+    start = float(at.u[-1, 0] if "u.x" in force else at.q[-1, 0])
+    options: dict[str, Any] = {"inputs": HELD, "wrt": ["c", "f", "u0.x"], "method": way, "integrator": integrator}
+    for later in (0.0, 1e-12, -1e-12, 1e-10, -1e-10):
+        with pytest.warns(RuntimeWarning, match=r"by c, .*u0\.x do not exist and are NaN: the motion reaches"):
+            found = solver.judge(0.4, Final("w"), p={"c": start + later}, **options).gradients
+        assert np.isnan(found[0, [0, 2]]).all()
+    for later in (1e-5, -1e-5):
+        exact = solver.judge(0.4, Final("w"), p={"c": start + later}, **options | {"rtol": 1e-13, "atol": 1e-13})
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            found = solver.judge(0.4, Final("w"), p={"c": start + later}, **options).gradients
+        np.testing.assert_allclose(found, exact.gradients, rtol=1e-6, atol=1e-6)

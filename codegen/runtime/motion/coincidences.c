@@ -1,8 +1,11 @@
-/* Events at the same time as a switch at which rates or outputs jump: their derivatives may depend on the order. */
+/* Events, or knots of the inputs, at the same time as a switch at which rates or outputs jump: derivatives may depend on the order. */
 #include "inside.h"
 
 #include <math.h>
 #include <string.h>
+
+/* Values of a switching function that rounding errors explain, and relative difference of jumps that counts as none. */
+static const scalar ROUNDED = 1e-12, SAME_JUMP = 1e-9;
 
 static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
 
@@ -104,4 +107,59 @@ int ordernm_compare_events(ordernm_motion *m)
         if (row[size - 1] >= 0.0) status = compare_at(m, r->which[i], row, m->t, m->z);
     }
     return status;
+}
+
+/* ---- Knots. ---- */
+
+/* The jump of derivatives at a switch per unit of its function, (f- - f+)/g', where it is passed from a mode. Returns the status of a
+ * function. */
+static int jump_from(ordernm_motion *m, int k, scalar mode, scalar *jump)
+{
+    scalar *const after = m->trial, speed;
+    m->modes[k] = mode;
+    int status = ordernm_rates_of(m, m->t, m->z, jump, 0, 0, RATES | INTEGRALS);
+    if (!status) status = ordernm_switch_speed(m, m->t, m->z, jump, k, &speed);
+    m->modes[k] = -mode;
+    if (!status) status = ordernm_rates_of(m, m->t, m->z, after, 0, 0, RATES | INTEGRALS);
+    const int jumps = !status && ordernm_rates_jump(m, jump, after);
+    for (int i = 0; i < m->ny + m->nx; ++i) jump[i] = jumps ? (jump[i] - after[i])/speed : 0.0;
+    return status;
+}
+
+/* Whether a switch is so near to a knot of the inputs that errors of the state may exchange them, and derivatives after both depend on the
+ * order. `before` is the spline's piece before the knot; errors of switching functions must be known. */
+static int depends_on_knot(ordernm_motion *m, int k, long before)
+{
+    const scalar mode = m->modes[k], near = fmax(ROUNDED, ordernm_switch_error(m, k));
+    const long after = m->segment;
+    scalar *const jumps[] = {m->error[0], m->error[1]}, speed = 0.0, size = 0.0, apart = 0.0;
+    int status = ordernm_switching(m, m->t, m->z);
+    if (status || fabs(m->switches[k]) > near) return 0;
+    m->segment = before;
+    status = ordernm_rates_of(m, m->t, m->z, m->trial, 0, 0, RATES);
+    if (!status) status = ordernm_switch_speed(m, m->t, m->z, m->trial, k, &speed);
+    const int continuous = fabs(m->switches[k]) <= near;
+    for (int n = 0; n < 2 && continuous && !status; ++n) {
+        m->segment = n ? after : before;
+        status = jump_from(m, k, mode*speed < 0.0 ? mode : -mode, jumps[n]);
+    }
+    m->segment = after;
+    m->modes[k] = mode;
+    for (int i = 0; i < m->ny + m->nx && continuous && !status; ++i) {
+        size = fmax(size, fabs(jumps[0][i]) + fabs(jumps[1][i]));
+        apart = fmax(apart, fabs(jumps[0][i] - jumps[1][i]));
+    }
+    return apart > SAME_JUMP*size;
+}
+
+/* Adds switches to m->bent if derivatives depend on their order with a knot of the inputs. `before` is the spline's piece before the knot. */
+void ordernm_look_beside_knot(ordernm_motion *m, long before)
+{
+    if (!(m->ngroups || m->results->steps) || ordernm_find_switch_errors(m, m->t, m->z)) return;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        int known = m->modes[k] == 0.0 || m->system->switch_kind[k] > ORDERNM_ROOT;
+        for (int n = 0; n < m->nbent; ++n) known |= m->bent[n] == k;
+        if (!known && depends_on_knot(m, k, before)) m->bent[m->nbent++] = k;
+    }
 }

@@ -7,7 +7,7 @@
  *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
  *                                                           derivatives; the adjoint of a state
  *     explicit, radau, passing, points, powers             one step; passing a switch; singular points; unbounded derivatives
- *     coincidences                                         events at the same time as a switch
+ *     coincidences                                         events and knots at the same time as a switch
  *     radau_sensitivities, switches, poses, dead_points    derivatives of a step; modes; poses where loops lose rank
  *     radau_equations, report, errors, timing              equations of a step; a row of results; errors of steps and of times
  *     flow                                                 derivatives along the motion
@@ -340,6 +340,7 @@ int ordernm_may_precede(const ordernm_motion *m, scalar after, const scalar *err
 /* coincidences.c */
 int ordernm_compare_with_front(ordernm_motion *m, int e, scalar *row);
 int ordernm_compare_events(ordernm_motion *m);
+void ordernm_look_beside_knot(ordernm_motion *m, long before);
 
 /* switches.c */
 int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, int k, scalar *found);

@@ -340,7 +340,7 @@ static void lose_at_switch(ordernm_motion *m, int k, int why, int smooth)
     if (ordernm_switch_along(m, m->t, m->z, k)) return;
     for (int n = 0; n < m->ngroups; ++n)
         for (int l = 0; l < m->groups[n].used; ++l)
-            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > ROUNDED && !(smooth && shifts_alike(m, n*LANES + l)))
+            if (m->lost[n*LANES + l] == 0.0 && moves_switch(m, m->z, n, l) > (why == ORDERNM_BENDS ? MOVES : ROUNDED) && !(smooth && shifts_alike(m, n*LANES + l)))
                 lose(m, n, l), some = 1;
     if (some) note(m, why, k);
 }

@@ -56,8 +56,10 @@ int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, c
     if (!changed && !at_knot && !m->switched) return m->flow_unknown ? ordernm_begin_flow(m) : 0;
     if (m->nheld && at_knot && !modes && (status = ordernm_arrive_at_knot(m))) return status;
     if (at_knot && (status = ordernm_reach_knot(m))) return status;
+    const long before = m->segment;
     ordernm_find_next_segment(m);
     if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;
+    if (m->nheld && at_knot && !modes) ordernm_look_beside_knot(m, before);
     status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (!status && m->flowing) status = ordernm_begin_flow(m);
     ordernm_note_precise(m, 0);
