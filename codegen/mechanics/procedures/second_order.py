@@ -45,7 +45,8 @@ HESSIAN_PRODUCTS = "hessian_products"
 INVERSE_DYNAMICS_PRODUCTS = "inverse_dynamics_hessian_products"
 """The functions, which are included only on request."""
 GRADIENT_TANGENTS = "gradient_tangents"
-"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, and results include the gradient."""
+"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, those of udot are known, and results
+include the gradient."""
 
 
 def hessian_products(w: Shared, motion: bool = False) -> Procedure:
@@ -62,6 +63,9 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
     values = tuple(w.one(f"g{n}") for n in w.state) if motion else ()
     ends = tuple(w.one(f"g{n}").called(f"gradient_{n}") for n in w.state) if motion else ()
     given = (weights.tangent(),) if motion else ()
+    solved: tuple[Step, ...] = (Own(found), Bind(dudot, found), w.balance)
+    if motion:  # the balance would also store the values of the inverse dynamics
+        solved = (Own(w.one("force")), *run("found_motion", "missing_forces"), Bind(dudot, found), w.seeded)
     steps: tuple[Step, ...]
     if w.loops:
         loops = WithLoops(w, parts.formulas, parts.bars)
@@ -74,9 +78,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
             *parts.weights((), (virtual,)),
             *map(Bind, values, ends),
             *map(Zero, values),
-            Own(found),
-            Bind(dudot, found),
-            w.balance,
+            *solved,
             Own(change),
             Zero(change),
             parts.mass_tangents,
@@ -97,7 +99,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
         (*w.of(*w.state), weights),
         (*gradient, *ends),
         steps,
-        (*(a.tangent() for a in w.of(*w.state)), *given),
+        (*(a.tangent() for a in w.of(*w.state)), *given, *((found,) if motion else ())),
         OTHER_WIDTHS,
         internal=motion,
     )

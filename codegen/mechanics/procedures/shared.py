@@ -139,6 +139,9 @@ class Shared:
             *self.turns,
             *self.applied_tangents,
         )
+        self.seeded = performed(
+            "seeded", "Tangents of forces and of other quantities that udot does not enter.", before
+        )
         self.balance = performed(
             "balance",
             "Computes dudot from the seeds, with the factors and accelerations of the forward dynamics.",

@@ -29,6 +29,7 @@ struct ordernm_curvature {
     scalar *no_dt;                    /* zeros for time */
     scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
     scalar *weights, *b;              /* weights of udot, for transposes in lanes and for Hessian products */
+    scalar *dudot;                    /* tangents of udot in lanes */
 };
 
 static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
@@ -55,6 +56,7 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     c->p = ordernm_numbers(&of, s->np*(problem->ndirections + LANES));
     c->weights = ordernm_numbers(&of, s->nu*LANES);
     c->b = ordernm_numbers(&of, s->nu);
+    c->dudot = ordernm_numbers(&of, s->nu*LANES);
     return of.used;
 }
 
@@ -87,11 +89,28 @@ ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordern
 
 int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
 
-/* ---- Rows of Python's layout: the values, then the derivatives along each direction; in records, all coordinates follow. ---- */
+/* ---- Rows of Python's layout: the values, then the derivatives along each direction. In records follow, with loops, all coordinates,
+ * and for trees the tangents of udot in lanes, group by group. ---- */
+
+static long size_of_rows(const ordernm_curvature *c) { return (1L + c->problem.ndirections)*c->n; }
 
 long ordernm_hessians_record(const ordernm_curvature *c)
 {
-    return (1L + c->problem.ndirections)*c->n + (c->motion->identity ? 0 : c->problem.system->nq);
+    const ordernm_motion *const m = c->motion;
+    if (!m->identity) return size_of_rows(c) + m->system->nq;
+    long lanes = 0;
+    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) lanes += g->width;
+    return size_of_rows(c) + lanes*m->system->nfree_u;
+}
+
+/* Appends the tangents of udot to the record of a stage of a tree. */
+static void keep_rates(const ordernm_curvature *c, const scalar *rate, scalar *to)
+{
+    const ordernm_system *const s = c->motion->system;
+    const ordernm_motion *const m = c->motion;
+    to += size_of_rows(c);
+    for (const group *g = m->groups; m->identity && g < m->groups + m->ngroups; to += s->nfree_u*g++->width)
+        memcpy(to, rate + g->at + s->nfree_q*g->width, s->nfree_u*g->width*sizeof(scalar));
 }
 
 static void unpack(const ordernm_curvature *c, const scalar *z, scalar *to)
@@ -117,7 +136,7 @@ static void keep(const ordernm_curvature *c, const scalar *z, scalar *to)
 {
     const ordernm_motion *const m = c->motion;
     unpack(c, z, to);
-    if (!m->identity) memcpy(to + (1L + c->problem.ndirections)*c->n, m->q, m->system->nq*sizeof(scalar));
+    if (!m->identity) memcpy(to + size_of_rows(c), m->q, m->system->nq*sizeof(scalar));
 }
 
 static int close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *to)
@@ -173,6 +192,7 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
             const scalar *const z = i ? m->trial : m->z;
             if ((status = ordernm_rates_of(m, m->t + method->times[i]*h, z, m->rate[i], m->ngroups, m->groups, RATES))) return status;
             keep(c, z, stages + i*record);
+            keep_rates(c, m->rate[i], stages + i*record);
             nodes[2*i] = m->t + method->times[i]*h;
         }
         if (within && (status = states_within(c, h, to))) return status;
@@ -303,18 +323,21 @@ static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar 
     return status;
 }
 
-/* nu += f_z^T kappa, for values and along all directions, by one function for each group. */
-static int together(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu)
+/* nu += f_z^T kappa, for values and along all directions, by one function for each group; `rates` are those of keep_rates. */
+static int together(ordernm_curvature *c, scalar t, const scalar *z, const scalar *rates, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
     const gradient *const v = &c->values;
-    for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) {
+    for (const group *g = m->groups; g < m->groups + m->ngroups; rates += s->nfree_u*g++->width) {
         ordernm_call call;
-        directed(c, t, z, q, kappa, g, &call);
+        directed(c, t, z, 0, kappa, g, &call);
         set_weights(c, kappa, g);
-        call.db = c->weights;
+        for (int i = 0; i < s->nfree_u; ++i)
+            memcpy(c->dudot + s->free_u[i]*g->width, rates + i*g->width, g->width*sizeof(scalar));
+        call.db = c->weights, call.found_dudot = c->dudot;
         call.gradient_q = v->q, call.gradient_u = v->u, call.gradient_p = v->p, call.gradient_inputs = v->inputs, call.gradient_t = v->t;
-        const int status = m->system->gradient_tangents[g->index](&call);
+        const int status = s->gradient_tangents[g->index](&call);
         if (status) return status;
         add(c, t, &c->along, nu, g);
         add_rates(c, kappa, nu, g);
@@ -401,10 +424,10 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
         const scalar t = m->t + method->times[i]*h, *const kappa = c->kappa[i];
         const int integrand = integrands && weight[i] != 0.0, weighted = any(kappa, m->size);
         if (!integrand && !weighted) continue;
-        const scalar *const q = stages + (i + 1)*record - s->nq;
+        const scalar *const further = stages + i*record + size_of_rows(c);
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
-        if (weighted && (status = (s->gradient_tangents[0] ? together : one_by_one)(c, t, m->trial, q, kappa, c->nu))) return status;
+        if (weighted && (status = (s->gradient_tangents[0] ? together : one_by_one)(c, t, m->trial, further, kappa, c->nu))) return status;
         if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
         accumulate(c->lambda, 1.0, c->nu, m->size);
         for (int j = 0; j < r->count; ++j) accumulate(c->kappa[r->which[j]], h*r->factor[j], c->nu, m->size);

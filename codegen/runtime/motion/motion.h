@@ -32,7 +32,8 @@ typedef struct {
     ordernm_scalar *switches, *dswitches;
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
-    const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents; the results follow */
+    const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents */
+    const ordernm_scalar *found_dudot; /* tangents of udot, which the forward run has found; the results follow */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
     ordernm_scalar *work;
