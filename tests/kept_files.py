@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import sys
@@ -47,7 +48,11 @@ class Generator:
 
 def make_room(kept: Path, room: int = ROOM) -> None:
     """Deletes the files that have not been used for longest, until the others fit."""
-    files = [(s.st_mtime, s.st_size, f) for f in kept.iterdir() for s in [f.stat()]]
+    files = []
+    for file in kept.iterdir():
+        with contextlib.suppress(FileNotFoundError):  # another process has just completed it
+            status = file.stat()
+            files.append((status.st_mtime, status.st_size, file))
     for _, size, file in sorted(files, reverse=True):
         room -= size
         if room < 0:

@@ -57,5 +57,6 @@ def test_files_that_were_used_last_stay(tmp_path: Path) -> None:
         put(tmp_path / name, b"x" * 10)
         os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
     assert used(tmp_path / "oldest") and not used(tmp_path / "none")
+    (tmp_path / "gone").symlink_to("no such file")  # listed, but without a status
     make_room(tmp_path, 25)
-    assert {f.name for f in tmp_path.iterdir()} == {"oldest", "new"}
+    assert {f.name for f in tmp_path.iterdir()} == {"oldest", "new", "gone"}
