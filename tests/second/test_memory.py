@@ -16,6 +16,7 @@ from codegen.runtime.standalone.calls.arguments import Seeds
 PRODUCTS = (
     "hessian_products", "output_hessian_products", "energy_hessian_products", "inverse_dynamics_hessian_products",
 )  # fmt: skip
+OF_KINEMATICS = ("coordinate_rate_hessian_products", "assemble_hessian_products")
 
 
 def filled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -39,6 +40,11 @@ def check(model: Any, state: Any, functions: tuple[str, ...], folder: Path, monk
     rng = np.random.default_rng(4)
     arrays = dict(zip(("q", "u", "p", "inputs", "t"), state, strict=True))
     arrays |= {n: rng.normal(size=model.nu) for n in ("udot", "b", "force_weights")}
+    arrays |= {
+        "rate_weights": rng.normal(size=model.nq),
+        "q_weights": rng.normal(size=model.nq),
+        "u_weights": arrays["b"],
+    }
     arrays |= {"output_weights": rng.normal(size=len(model.outputs)), "energy_weights": rng.normal(size=2)}
     seeds = random_seeds(rng, model, 8) | {"dudot": rng.normal(size=(8, model.nu))}
     seeds["dt"] = seeds["dt"].reshape(8, 1)
@@ -66,4 +72,4 @@ def test_trees(seed: int, functions: tuple[str, ...], tmp_path: Path, monkeypatc
 
 def test_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model, state = observed_mechanism(25, scene="spatial", bodies=(2, 4), loops=(1, 2))
-    check(model, state, PRODUCTS[:3], tmp_path, monkeypatch)
+    check(model, state, (*PRODUCTS[:3], *OF_KINEMATICS), tmp_path, monkeypatch)
