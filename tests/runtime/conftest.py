@@ -116,7 +116,8 @@ PENDULUM = {
 }
 
 SIZES = {
-    "q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1, "force_weights": 1, "energy_weights": 2, "output_weights": 0
+    "q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1, "force_weights": 1, "energy_weights": 2,
+    "output_weights": 0, "rate_weights": 1, "q_weights": 1, "u_weights": 1,
 }  # fmt: skip
 
 
