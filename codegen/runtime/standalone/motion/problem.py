@@ -91,7 +91,6 @@ class Problem:
             kept.append(found)
             return found
 
-        c.p, c.q, c.u = begin(self.p), begin(self.q), begin(self.u)
         if n := len(self.times):
             c.ntimes, c.times = n, begin(self.times)
         if k := len(self.dp):
@@ -118,7 +117,11 @@ class Problem:
                     *(range(system.nq) if not system.nfree_q + system.nfree_u else ()),
                 ]
             ]
-        c.atol = begin(counting)
+        # one array: each call of `from_buffer` takes as long as joining all four
+        c.p = at = begin(np.concatenate((self.p, self.q, self.u, counting)))
+        c.q = at = at + len(self.p)
+        c.u = at = at + len(self.q)
+        c.atol = at + len(self.u)
         if self.integrals:
             integrals = ffi.new("int[]", list(self.integrals))
             self.kept.append(integrals)

@@ -57,9 +57,9 @@ class Results:
             self._flat = np.empty((FLAT_POSES, 1 + 2 * loops))
             r.flat, r.flat_capacity = self._in_c(self._flat), FLAT_POSES
         along = len(problem.dp)
-        self._lost = np.empty((along + SAMPLES if along else int(keep_steps), self.size))
-        self._why = ffi.new("int[]", 2 * len(self._lost) + 1)
-        if len(self._lost):
+        if along or keep_steps:
+            self._lost = np.empty((along + SAMPLES if along else 1, self.size))
+            self._why = ffi.new("int[]", 2 * len(self._lost))
             r.lost, r.lost_why, r.lost_capacity = self._in_c(self._lost), self._why, len(self._lost)
         self._full: list[Array] = []
         self._steps: list[Array] = []

@@ -148,8 +148,11 @@ class MotionRun(Room):
 
     def _warn_of_coarse(self, problem: Problem, segments: list[Segment]) -> None:
         """Warns of constant steps that do not resolve the motion, or its derivatives."""
-        values = math.fsum(s.coarse[0] for s in segments)
-        along = math.fsum(s.coarse_along[0] for s in segments)
+        values, along = segments[0].coarse[0], segments[0].coarse_along[0]
+        if len(segments) > 1:
+            values, along = (
+                math.fsum(x[0] for x in of) for of in zip(*((s.coarse, s.coarse_along) for s in segments), strict=True)
+            )
         if not (values > COARSE or along > COARSE_ALONG):
             return
         worst = max(segments, key=lambda s: s.coarse[1] if values > COARSE else s.coarse_along[1])

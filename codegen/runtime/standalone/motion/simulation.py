@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -291,10 +291,15 @@ class Simulation(Reasons):
             self._names = self._no_motion(directions.names)
         found = self._names.like_this(arrays, later, stats)
         if "display" in self._manifest:
-            from ..display.views import MotionViews, Views
-
-            found.views = MotionViews(Views(self.package), lambda: self._inputs_over(t, problem))
+            found.views = self._views_of_motions(lambda: self._inputs_over(t, problem))
         return found
+
+    @cached_property
+    def _views_of_motions(self) -> Callable[[Callable[[], Array]], Any]:
+        """Makes the views of a motion from a function that gives its inputs."""
+        from ..display.views import MotionViews, Views
+
+        return partial(MotionViews, Views(self.package))
 
     @property
     def _shown(self) -> int:
