@@ -78,8 +78,6 @@ class Dual:
         value, along = _parts(other)
         return bool(self.value != value or self.along != along)
 
-    __hash__ = None  # type: ignore[assignment]  # equal numbers may differ in their derivatives
-
     def __lt__(self, other: Any) -> bool:
         return bool(self.value < _parts(other)[0])
 

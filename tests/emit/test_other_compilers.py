@@ -113,6 +113,15 @@ def test_it_is_compiled_for_webassembly(program):
         assert np.abs(found - expected).max() <= TOLERANCE[scalar] * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("name", ["flyball", "slider_crank"])
+def test_all_that_motions_call_is_declared(name: str, tmp_path: Path) -> None:
+    """Functions of switches, too, without modes and with them: undeclared functions are an error in C++ and in C23."""
+    codegen.generate(EXAMPLES / f"{name}.yaml", tmp_path / name, functions="motion,hessian_products", compile=False)
+    assert f"{name}_switches" in (tmp_path / name / f"{name}_motion.c").read_text()
+    flags = ("-Wall", "-Wno-unused-function", "-Werror", "-fsyntax-only")
+    compiled(tmp_path / name, shutil.which("cc") or "cc", *flags, f"{name}_motion.c")
+
+
 MOTION = """
 #include <stdio.h>
 #include <stdlib.h>

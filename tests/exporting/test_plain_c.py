@@ -215,7 +215,6 @@ def test_painted_stacks_are_as_deep_as_reported(name, tmp_path):
 
 JUSTIFIED = {
     "2.2",
-    "8.4",
     "8.14",
     "9.3",
     "10.1",

@@ -96,6 +96,7 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
         ({"functionals": Final("swng")}, r"Final: the model has no output 'swng'"),
         ({"functionals": At("swing", 2.0)}, r"At: times from 2 to 2 s are not within the motion, 0 to 1 s"),
         ({"functionals": At("swing", np.nan)}, r"times must be finite"),
+        ({"functionals": At("swing", [0.1, 0.2])}, r"At: t is \[0.1, 0.2\], expected one time, s; give an At for each"),
         ({"functionals": LeastSquares([0.0, 0.5], {"swing": [1.0]})}, r"swing has \(1,\) samples, expected \(2,\)"),
         ({"functionals": LeastSquares([0.5, 0.5], {"swing": [1.0, 1.0]})}, r"times must be finite and increasing"),
         ({"functionals": AtEvent("swing", Event("swng"))}, r"events: the model has no output 'swng'"),

@@ -30,6 +30,8 @@ TOLERANCE = 1e-10
 """Largest relative difference to the NumPy module, per result and state, or per direction."""
 
 IN_MODES = "_in_modes"
+OF_MOTIONS = ("switches",)
+"""Functions that only motions call: ``model.json`` and the NumPy module do not have them."""
 PROTOTYPE = re.compile(r"^int (\w+)\(([^)]*)\);", re.MULTILINE)
 
 
@@ -153,7 +155,8 @@ class Part:
             function, width = stem, "0"
         in_modes = function.endswith(IN_MODES)
         function = function.removesuffix(IN_MODES)
-        assert in_modes or function in self.manifest["functions"], f"{symbol} is not in model.json"
+        known = in_modes or function in (*self.manifest["functions"], *OF_MOTIONS)
+        assert known, f"{symbol} is not in model.json"
         arguments, results, scalars = [], [], []
         for declaration in re.split(r",\s+", declared):
             type, _, name = declaration.replace("*", "* ").rpartition(" ")
@@ -280,8 +283,9 @@ class Part:
             steps.append(int(np.prod(x.shape[1:])) if stepping[-1] else 0)
             arguments.append(np.ascontiguousarray(x, float))
         times = 1 if count is None else count
+        checked &= f.function in self.manifest["functions"]
         if f.in_modes:  # the NumPy module has no modes; with modes of zero, branches follow from the arguments
-            checked &= f.function in self.manifest["functions"] and not np.any(given["modes"])
+            checked &= not np.any(given["modes"])
         sizes = [times * self.size(f, r) for r in f.results]
         call = Call(f, count, shift, arguments, steps, sizes, None)
         if checked and count != 0:

@@ -53,7 +53,7 @@ def signatures(procedure: Procedure, model: str, real: str) -> list[str]:
     """Declarations of a function for all its widths, without and with modes."""
     found = []
     for w in procedure.widths or (None,):
-        if not procedure.internal or (procedure.modes is None and procedure.seeds):
+        if procedure.modes is None or not procedure.internal:
             found.append(signature(procedure, f"{model}_{symbol(procedure, w)}", real))
         if procedure.modes is not None:
             name = f"{model}_{in_modes(procedure.name)}"

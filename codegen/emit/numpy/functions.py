@@ -171,9 +171,8 @@ class _Lines:
         kept = [a.name for a, _ in step.writes if self.procedure and a in self.procedure.seeds]
         kept = [name for name in kept if self.procedure and name not in self.procedure.held()]
         lines = [f"given_{name} = a.{name}" for name in kept]
-        copied = any(
-            isinstance(s, steps.Formulas) for s in step.steps
-        )  # tangents of formulas overwrite their seeds later
+        # tangents of formulas overwrite their seeds later
+        copied = any(isinstance(s, steps.Formulas) for s in step.steps)
         seeds = [(a.name, of.name) for a, of in step.reads if a.name != of.name]
         lines += [f"a.{a} = list(a.{of})" if copied else f"a.{a} = a.{of}" for a, of in seeds]
         lines += [line for a, _ in step.writes for line in self.fresh(a)]

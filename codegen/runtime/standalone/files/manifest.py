@@ -50,10 +50,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     PackageError
         If the file is missing, damaged, or not from ordernm.
     """
-    first, model = (
-        "remove the damaged folder, then ",
-        "MODEL.yaml",
-    )  # generate refuses folders that it does not recognise as its own
+    model = "MODEL.yaml"
+    first = "remove the damaged folder, then "  # generate refuses folders that it does not recognise as its own
     try:
         text = (folder / "model.json").read_text(encoding="utf-8")
         if SEAL in text and seal(text[: text.rindex(SEAL)] + "}") == text:

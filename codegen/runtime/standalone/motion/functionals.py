@@ -181,6 +181,8 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
         for name in names:
             if name not in output_names and not (isinstance(f, AtEvent) and name == "t"):
                 raise no_output(type(f).__name__, name, output_names)
+        if isinstance(f, At) and not isinstance(f.t, (int, float, np.number)):
+            raise ValueError(f"At: t is {f.t!r}, expected one time, s; give an At for each time, or LeastSquares")
         if isinstance(f, (At, LeastSquares)):
             times = np.atleast_1d(np.asarray(f.t if isinstance(f, At) else f.times, float))
             if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
