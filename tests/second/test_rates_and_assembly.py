@@ -99,7 +99,7 @@ def test_quaternions_of_any_length_agree(tmp_path: Path) -> None:
 
 
 def test_quaternions_that_loops_determine_in_part_agree(tmp_path: Path) -> None:
-    """Along directions that keep the quaternion's length."""
+    """Along directions that keep the loops closed; others are refused."""
     _, (model, *state) = next(random_mechanisms(1, 25, scene="spatial", bodies=(2, 4), loops=(1, 2)))
     solver = made(model, tmp_path, functions=OF_LOOPS)
     q, u = solver.assemble(*state)
@@ -110,6 +110,10 @@ def test_quaternions_that_loops_determine_in_part_agree(tmp_path: Path) -> None:
     parts = {"weights_q": weights[: solver.nq], "weights_u": weights[solver.nq :]}
     H = joined(solver.assemble_hessian_products(*state, **parts, **{**seeds, "dq": dq}))
     close(H, differences(solver, state, weights, assembled), 1e-10)
+    with pytest.raises(
+        ValueError, match=r"dq: loops determine a part of the rotation of .* assemble_sensitivities returns"
+    ):
+        solver.assemble_hessian_products(*state, **parts, **seeds)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "quadrotor"])

@@ -141,10 +141,8 @@ class Measures(WithLoops):
         """The function; `begin` sets the adjoints `bars` of results to the weights."""
         gradient = tuple(self.w.one(f"dg{a.name}") for a in given)
         self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
-        sums, weighted = (
-            (*self.sums, *self.energies),
-            " + ".join(f"{a.name} . {a.name.removesuffix('_weights')}" for a in weights),
-        )
+        sums = (*self.sums, *self.energies)
+        weighted = " + ".join(f"{a.name} . {a.name.removesuffix('_weights')}" for a in weights)
         checks = (Check(True),) if self.w.formula_pivots and OUTPUTS in self.over else ()
         return Procedure(
             name,

@@ -1121,8 +1121,8 @@ class Solver(Package):
 
         They are the changes of its gradient (`assemble_gradients`) along the directions: second derivatives of dependent
         coordinates and speeds. For loops, the function is generated on request, with ``--functions``; models with
-        quaternions also need `assemble_gradients`. If loops determine a part of a quaternion, directions are completed as
-        by `assemble_sensitivities`, and the Hessian is not symmetric.
+        quaternions also need `assemble_gradients`. If loops determine a part of a quaternion, directions must keep the loops
+        closed, as those of `assemble_sensitivities` do, and the Hessian is not symmetric.
 
         Parameters
         ----------
@@ -1143,7 +1143,7 @@ class Solver(Package):
         Raises
         ------
         ValueError
-            If an argument has the wrong shape, or a number is not finite.
+            If an argument has the wrong shape, a number is not finite, or a direction turns a quaternion against the loops.
 
         Examples
         --------

@@ -18,6 +18,9 @@ from .derivatives import CURVED, JACOBIANS, HessianProducts, InverseDynamicsProd
 ASSEMBLED = Wanted("assemble_hessian_products", [f"dg{n}" for n in JACOBIANS])
 BY_COORDINATES = Wanted("completion_sensitivities_transposed", ALONG)
 
+COMPLETE = 1e-9
+"""Largest change of a direction by completion, relative to its largest entry, that counts as none."""
+
 
 def across(v: Array, e: Array) -> Array:
     """The part of v across the quaternion e of unit length."""
@@ -70,6 +73,8 @@ class Hessians(Room):
         ]
         at = tuple({**arrays, "q": q_new}[n] for n in STATE)
         seed = along.get("dq")
+        if seed is not None:
+            self._check_complete(given, seeds, seed)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         if before and seed is not None:
             dq = np.array(np.broadcast_to(seed, (k, *batch, self.nq)), q_new.dtype)
@@ -88,6 +93,22 @@ class Hessians(Room):
                     found.q[part], gradient[part], q_new[part], seed[part], length, self._partial(i)
                 )
         return found
+
+    def _check_complete(self, given: tuple[Any, ...], seeds: tuple[Any, ...], dq: Array) -> None:
+        """Refuses directions that would open loops by turning a quaternion of which loops determine a part: along them, the
+        change of the gradient also depends on how assembly turns it back."""
+        partial = [i for i in self._arguments.quaternions if self._partial(i)]
+        if not partial:
+            return
+        complete = self.states.assemble_sensitivities(given, seeds)[2]
+        for i in partial:
+            part = (..., slice(i, i + 4))
+            if np.abs(complete[part] - dq[part]).max(initial=0.0) > COMPLETE * np.abs(dq).max(initial=0.0):
+                name = self.coordinate_names[i].rpartition(".")[0]
+                raise ValueError(
+                    f"dq: loops determine a part of the rotation of {name}, and this direction does not keep them closed; "
+                    f"pass the dq that assemble_sensitivities returns for it"
+                )
 
     def _partial(self, i: int) -> bool:
         """Whether loops determine some rotations of a quaternion, but not all."""
