@@ -44,8 +44,8 @@ factored. The same holds for the derivatives, even for those that are much small
 joints are tried.
 """)
 FAMILIES = _prose("""
-Operations are additions and multiplications per coordinate. Times are those of one evaluation, called from C, on one core. Each
-error is the largest relative error of the accelerations and of all compared directions.
+Operations are additions and multiplications. Times are those of one evaluation, called from C, on one core. "Each" means per
+coordinate. Each error is the largest relative error of the accelerations and of all compared directions.
 """)
 ROBOTS = _prose("""
 Times of one call from Python on one core, where ordernm and Pinocchio as installed by pip take turns. The functions are:

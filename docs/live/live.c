@@ -71,7 +71,8 @@ static int close_near(double *q, const double *p, const double *inputs)
     return before <= fmax(CLOSED, LIVE_SYSTEM.slack);
 }
 
-/* Initial values at parameters p: those of the package, which are closed at the defaults, and their change in the model's formulas. */
+/* Initial values at parameters p. The package has those at the default parameters, where the loops are closed; the model's formulas give
+ * the change from the defaults to p. */
 static int initial(const double *p, double *q, double *u)
 {
     memcpy(q, live_initial_q, LIVE_NQ*sizeof *q);

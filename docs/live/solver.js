@@ -17,7 +17,7 @@ async function decompressed(text) {
 export class Solver {
   static async load(model) {
     const module = await WebAssembly.compile(await decompressed(model.module));
-    // The integrator can be told to pause after some seconds, so it imports the clock. The page never asks for this.
+    // The integrator imports the clock, because a caller may make it pause after some seconds. The page never does.
     const imports = { wasi_snapshot_preview1: { clock_time_get: () => 0 } };
     return new Solver(model, (await WebAssembly.instantiate(module, imports)).exports);
   }

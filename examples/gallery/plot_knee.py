@@ -44,8 +44,7 @@ np.testing.assert_allclose(np.abs(by_geometry.T), np.abs(arms), atol=1e-12)
 # %%
 # **The surgeon's millimetres.** `bias_force` is the torque at the knee that holds the leg. It is linear in the force
 # of the hamstrings, so the change of the torque by one newton is their moment arm, and the derivatives of this change
-# are those of the moment arm. These are second derivatives of the length, yet no difference has been taken over the
-# attachment points.
+# are those of the moment arm. No finite difference is needed, although these are second derivatives of the length.
 moves = ("acl_femur.x", "acl_femur.z", "hamstring_insertion.x", "hamstring_insertion.z")
 dp = np.zeros((len(moves), 1, leg.np))
 for k, name in enumerate(moves):

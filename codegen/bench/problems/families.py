@@ -112,8 +112,8 @@ ENGINE = f"the generic recursive engine in {DIGITS} digits, up to {ENGINE_TO} bo
 CHAIN = Family(
     name="chain",
     title="a chain of rods, revolute joints about y, x, y, ...",
-    source=f"a hand-written articulated-body algorithm on dual numbers of {DIGITS} digits; one direction above "
-    f"{ALL_DIRECTIONS_TO} rods, none above {ONE_DIRECTION_TO}",
+    source=f"a hand-written articulated-body algorithm on dual numbers of {DIGITS} digits; above "
+    f"{ALL_DIRECTIONS_TO} rods, only one direction is compared, and above {ONE_DIRECTION_TO} rods, nothing",
     unit="rods",
     make=chain,
     sizes=(4, 12, 50, 100, 1000, 10000),

@@ -17,7 +17,7 @@ from ..elliptic import DIGITS, rotation
 from ..problem import Goal, Motion, tolerances
 
 SOURCE = (
-    "closed form: the equivalent pendulum of the mechanism, which rotates, by Jacobi's functions in 40 digits; "
+    "closed form: the mechanism moves like a pendulum that rotates, solved by Jacobi's functions in 40 digits; "
     "problem A02 of the IFToMM library of multibody benchmarks"
 )
 

@@ -16,7 +16,7 @@
 #endif
 
 #ifndef ORDERNM_STATES
-/* Defined differently where a double holds several states: numbers common to all, and conditions that only some states meet. */
+/* The type of numbers that are common to all states, and conditions. Where a double holds several states, both are defined differently. */
 typedef double number;
 typedef int status;
 #define ALL(x) (x)
@@ -76,7 +76,7 @@ enum {
     SINE = ANGLES,
 };
 
-/* Vectors may alias numbers. Arrays of numbers are not declared so, and compilers keep more of these numbers in registers. */
+/* Only vectors are declared as types that may alias numbers. Compilers then keep more entries of arrays of numbers in registers. */
 #define ALIASES_8 MAY_ALIAS
 #define ALIASES_2 MAY_ALIAS
 #define ALIASES_1
@@ -176,8 +176,8 @@ static inline int any_bit(const void *at, int n)
 }
 
 #endif
-/* Sines and cosines of n angles (and of those that fill the last vector), below one unit in the last place: trig[i]
- * becomes the cosine of trig[ANGLES + i], which becomes its sine.
+/* Sines and cosines of n angles (and of those that fill the last vector), below one unit in the last place.
+ * Angle i is given in trig[ANGLES + i]; its sine replaces it there, and its cosine is stored in trig[i].
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4].
  * The C library computes larger or non-finite angles, and those that a rounding mode other than to nearest leaves outside this
  * range. */
