@@ -22,7 +22,7 @@ from .grammar import AT_LEAST, WRAPPED, Number, Tree
 from .places import Face, Point
 from .products import HELD, is_positive
 from .singular import singular_functions, singular_in
-from .trees import nodes, parts
+from .trees import nodes, parts, replaced
 
 MODE: Final = "mode."
 """Prefix of the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
@@ -252,7 +252,7 @@ class Switches:
 
         The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
         smooth enough in a force, are therefore held in prescribed motion; at the seam of a periodic table their argument
-        is held with them.
+        is held with them. In a force only their argument is held.
         """
         if tree[0] in ("number", "name"):
             return tree
@@ -268,8 +268,11 @@ class Switches:
             return (kind, tree[1], self.hold(tree[2], moves))
         if kind == "call" and tree[1] in PARTLY_DEFINED and self._locate(tree, tree[2]):
             return tree
-        if _is_smooth_step(tree) and not moves:
-            return tree
+        clamp = None if moves else _clamp_of_step(tree)
+        if clamp is not None:
+            of, (first, second) = clamp[3], clamp[2][2:]
+            inner = ("call", "max", self.hold(first), self.hold(second))
+            return replaced(tree, clamp, ("call", "min", inner, self.hold(of)))
         if kind != "call":
             return (kind, *(self.hold(a, moves) for a in tree[1:]))
         arguments = tuple(self.hold(a, moves) for a in tree[2:])
@@ -396,15 +399,17 @@ def _is_whole(tree: Tree) -> bool:
     return bool(tree[0] == "number") and float(tree[1]).is_integer()
 
 
-def _is_smooth_step(tree: Tree) -> bool:
-    """Whether a tree is part of a cubic table or of the function ``step``, whose second derivatives are continuous.
+def _clamp_of_step(tree: Tree) -> Tree | None:
+    """The clamped argument of a part of a cubic table or of the function ``step``, whose second derivatives are
+    continuous; None for another tree.
 
     They are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``; in a table,
     s is this minus a number.
     """
     if tree[0] != "*":
-        return False
+        return None
     first, rest = tree[1], tree[2]
     s = first[1] if first[0] == "**" and first[2] == ("number", 3) else first
-    part = s[1] if s[0] == "-" and s[2][0] == "number" else s
-    return bool(part[0] == "call" and part[1] == "min" and part[2][:2] == ("call", "max")) and s in nodes(rest)
+    part: Tree = s[1] if s[0] == "-" and s[2][0] == "number" else s
+    is_clamp = part[:2] == ("call", "min") and part[2][:2] == ("call", "max")
+    return part if is_clamp and s in nodes(rest) else None

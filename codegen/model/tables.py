@@ -25,6 +25,9 @@ from .grammar import WRAPPED, Tree
 MAX_POINTS: Final = 200
 """Maximum number of points; more would lead to expressions with thousands of operations."""
 
+LEVEL: Final = 1e-12
+"""Slope, relative to the steepest one of a table, below which its curve is level."""
+
 KINDS: Final = ("linear", "cubic")
 OUTSIDE: Final = ("constant", "linear", "periodic")
 
@@ -57,6 +60,8 @@ class Table:
         origin = x[0] if self.outside == "periodic" else 0.0
         if self.outside == "periodic":
             at = self._within(at)
+        elif self.outside == "constant" and self.kind == "cubic":
+            at = self._before_kinks(at)
         result = y[0]
         for i in range(n):
             start, end = x[i] - origin, x[i + 1] - origin
@@ -76,6 +81,21 @@ class Table:
         """Position of the argument within its period. In a cubic table nothing jumps where the next period begins."""
         period = self.x[-1] - self.x[0]
         return period - made("mod" if self.kind == "linear" else WRAPPED, -(argument - self.x[0]), period)
+
+    def _before_kinks(self, at: Expression) -> Expression:
+        """The argument, constant beyond those ends of a cubic table at which its slope jumps to zero.
+
+        The parts of a cubic table count as smooth, so that motions do not stop at its points; they do at this limit.
+        """
+        first, last = (abs(float(e.value)) > LEVEL * self._steepest for e in self._slopes())
+        if first:
+            at = made("max", self.x[0], at)
+        return made("min", at, self.x[-1]) if last else at
+
+    @property
+    def _steepest(self) -> float:
+        """The largest slope of a straight line between two neighbouring points."""
+        return float(np.max(np.abs(np.diff(self._values) / np.diff(self.x))))
 
     def _slopes(self) -> tuple[Expression, Expression]:
         """Slopes at the first and at the last point."""

@@ -45,3 +45,10 @@ def mapped(tree: Tree, change: Callable[[Tree], Tree]) -> Tree:
     if tree[0] == "component":
         return (*tree[:1], *after, *tree[2:])
     return (*tree[: len(tree) - len(after)], *after)
+
+
+def replaced(tree: Tree, old: Tree, new: Tree) -> Tree:
+    """A tree with another tree in place of each part that equals `old`; the same object if there is none."""
+    if old == new:
+        return tree
+    return new if tree == old else mapped(tree, lambda part: replaced(part, old, new))

@@ -347,6 +347,7 @@ int ordernm_switch_speed(ordernm_motion *m, scalar t, const scalar *z, const sca
 int ordernm_timing_switch(ordernm_motion *m, scalar t, const scalar *z, const scalar *rate, const scalar *crossed, int k, scalar *speed,
     int *by);
 int ordernm_switch_along(ordernm_motion *m, scalar t, const scalar *z, int k);
+int ordernm_remove_jumped(ordernm_motion *m, int k, const scalar *before, int *left);
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed);
 int ordernm_rates_jump(const ordernm_motion *m, const scalar *before, const scalar *after);
 scalar ordernm_other_mode(const ordernm_motion *m, int k);

@@ -30,16 +30,18 @@ static void count(ordernm_motion *m, int k)
 }
 
 /* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before the switch; `after`, and derivatives
- * along directions in z, receive the values after the switch. With `follows`, switches other than those in m->crossed take the modes of
- * their functions. Returns the status of a function. */
-static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int follows, scalar *speed)
+ * along directions in z, receive the values after the switch. `left` is the number of switches in m->crossed that are passed after it; with
+ * the last one, all other switches take the modes of their functions. Without `left` they keep theirs. Returns the status of a function. */
+static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int *left, scalar *speed)
 {
     const long n = m->ny + m->nx;
     int by, status = ordernm_timing_switch(m, m->t, z, before, m->crossed, k, speed, &by);
     if (!status && m->ngroups) status = ordernm_switch_along(m, m->t, z, by);
     if (status) return status;
+    if (left) memcpy(m->switches_kept, m->switches, m->system->nswitches*sizeof(scalar));
     m->modes[k] = by == k ? ordernm_other_mode(m, k) : 0.0;
-    if (follows && (status = ordernm_follow(m, m->t, m->z, m->crossed))) return status;
+    if (left && *left && by == k && (status = ordernm_remove_jumped(m, k, m->switches_kept, left))) return status;
+    if (left && !*left && (status = ordernm_follow(m, m->t, m->z, m->crossed))) return status;
     if ((status = ordernm_rates_of(m, m->t, z, after, 0, 0, RATES | INTEGRALS))) return status;
     for (int i = 0; i < m->ngroups*LANES; ++i) m->passing_time[i] = -m->switch_along[i]/ *speed;
     if (!ordernm_rates_jump(m, before, after) || !(fabs(*speed) > GRAZING*m->crossed[k])) return 0;
@@ -211,7 +213,8 @@ int ordernm_pass_switches(ordernm_motion *m)
         memcpy(before, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
         gather(m, k, before);
         m->changed[k] = m->t;
-        if ((status = pass(m, m->z, k, before, after, --left == 0, &speed))) return status;
+        --left;
+        if ((status = pass(m, m->z, k, before, after, &left, &speed))) return status;
         m->passing_speed[k] = speed;
         note_time(m, k, &timed);
         if (m->modes[k] == 0.0) --m->ntogether; /* another switch determines the time of this one */

@@ -158,23 +158,53 @@ static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
     return status;
 }
 
+/* Sets the mode of a switch that is not crossed to the sign of its function, which has been evaluated. Returns the status of a function. */
+static int follow_function(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed, int k)
+{
+    if (!(ordernm_side(m, k) < 0.0)) return leave_zero(m, t, z, k);
+    const scalar other = ordernm_other_mode(m, k);
+    scalar speed;
+    int at_zero = 0, status = 0;
+    if (crossed && m->system->switch_kind[k] <= ORDERNM_ROOT) status = is_at_zero(m, t, z, k, AT_THE_SAME_TIME, &speed, &at_zero);
+    if (!at_zero) m->modes[k] = other;
+    return status;
+}
+
 /* Sets the mode of each switch that is not crossed to the sign of its function, unless this sign is unknown. A function that is zero at the
- * same time as those of the crossed switches keeps its mode: the next step passes it, with its jump of derivatives. */
+ * same time as those of the crossed switches keeps its mode: the next step passes it, with its jump of derivatives. Functions depend on the
+ * modes of switches with smaller indices, so they are evaluated again until no mode changes. */
 int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *crossed)
 {
-    int status = ordernm_switching(m, t, z);
-    for (int i = 0; i < m->nheld && !status; ++i) {
-        const int k = m->held[i];
-        if (crossed && crossed[k] != 0.0) continue;
-        if (ordernm_side(m, k) < 0.0) {
-            const scalar other = ordernm_other_mode(m, k);
-            scalar speed;
-            int at_zero = 0;
-            if (crossed && m->system->switch_kind[k] <= ORDERNM_ROOT) status = is_at_zero(m, t, z, k, AT_THE_SAME_TIME, &speed, &at_zero);
-            if (!at_zero) m->modes[k] = other;
-        } else {
-            status = leave_zero(m, t, z, k);
+    int status = 0, changed = 1;
+    for (int pass = 0; pass < PASSES && changed && !status; ++pass) {
+        changed = 0;
+        status = ordernm_switching(m, t, z);
+        for (int i = 0; i < m->nheld && !status; ++i) {
+            const int k = m->held[i];
+            const scalar mode = m->modes[k];
+            if (crossed && crossed[k] != 0.0) continue;
+            status = follow_function(m, t, z, crossed, k);
+            changed |= m->modes[k] != mode && m->system->switch_kind[k] <= ORDERNM_ROOT;
         }
+    }
+    return status;
+}
+
+/* Removes switches from m->crossed whose functions have jumped away from zero, because the mode of switch k has changed: at the seam of a
+ * periodic table, these are all switches that compare its reduced argument. Their modes follow. `before` has the functions with the mode
+ * before. Returns the status of a function. */
+int ordernm_remove_jumped(ordernm_motion *m, int k, const scalar *before, int *left)
+{
+    int status = ordernm_switching(m, m->t, m->z);
+    for (int j = k + 1; j < m->system->nswitches && !status; ++j) {
+        const scalar jump = fabs(m->switches[j] - before[j]);
+        scalar speed;
+        int at_zero;
+        if (m->crossed[j] == 0.0 || m->system->switch_kind[j] > ORDERNM_ROOT || jump <= ROUNDED + fabs(before[j])) continue;
+        if ((status = is_at_zero(m, m->t, m->z, j, AT_THE_SAME_TIME, &speed, &at_zero)) || at_zero) continue;
+        m->crossed[j] = 0.0;
+        m->changed[j] = m->t;
+        --*left;
     }
     return status;
 }
