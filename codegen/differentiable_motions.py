@@ -80,7 +80,7 @@ class DifferentiableMotion:
 
     @property
     def solver(self) -> Any:
-        """The solver with the partition of the beginning."""
+        """The solver, with the partition that it had when this object was made."""
         if self._solver.partition != self._partition:
             self._solver = copy.copy(self._solver)
             self._solver.use_partition(self._partition)

@@ -6,8 +6,8 @@ docs/model_format.md.
 
 A derivative is a Python function ``(f, y, x)`` or ``(f, y, a, b)`` of a namespace, the value and the arguments. The
 derivative uses operators and functions of the namespace, such as ``f.cos(x)``, so it works for floats, arrays, decimal
-numbers, symbols and trees. Constants are formulas that are exact in every namespace: pi is ``4*f.atan(1)``. The factors
-of a product under a root are not negative within the domain.
+numbers, symbols and trees. Constants are formulas that are exact in every namespace: pi is ``4*f.atan(1)``. Where a
+derivative contains the root of a product, no factor of the product is negative within the domain.
 """
 
 from __future__ import annotations

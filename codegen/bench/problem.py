@@ -81,7 +81,7 @@ class Motion:
     text : callable
         Returns the text of the model file.
     end : float
-        Final time, s; it begins at 0.
+        Final time, s; the motion begins at 0.
     quantities : tuple of str
         Names in a `Trajectory`: outputs, ``q.NAME``, ``u.NAME``.
     exact : callable

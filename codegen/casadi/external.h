@@ -13,7 +13,7 @@ typedef long long ordernm_int; /* casadi_int */
 
 enum { ORDERNM_LANES = 8, ORDERNM_ARGUMENTS = 8, ORDERNM_TRIES = 400, ORDERNM_ROUNDS = 12 };
 
-/* Arrays by argument: whole arrays of the model, with one value of each entry for every direction in seeds. */
+/* Arrays by argument: whole arrays of the model; seeds have one value of each entry for every direction. */
 typedef const double *const *ordernm_given;
 typedef double *const *ordernm_found;
 
@@ -65,8 +65,8 @@ static void ordernm_normalise(const ordernm_loops *loops, double *q)
     }
 }
 
-/* Newton's method from q; 0 if its steps contract from at most 0.3 rad, the bounds of the solver's own assembly. Between the ends
- * of the line a rough solution is enough. */
+/* Newton's method from q. Returns 0 if its first step is at most 0.3 rad and each next step is at most a quarter of the previous one; the
+ * solver's own assembly has the same bounds. Between the ends of the line a rough solution is enough. */
 static int ordernm_newton(const ordernm_loops *loops, ordernm_given x, double *q, double *step, double enough, double *work)
 {
     double before = 1.2;

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from ..runtime import Solver
 
 OPTIONS = {"enable_forward": False, "jac_penalty": -1}
-"""Options of CasADi. Directions follow from one Jacobian, which costs less than several directions one by one. Adjoints
-come from the library's adjoint functions, which have second derivatives."""
+"""Options of CasADi. Derivatives along directions are computed from one Jacobian, which costs less than several
+directions one by one. Adjoints come from the library's adjoint functions, which have second derivatives."""
 
 VALID = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*_?")
 """Pattern of names that CasADi accepts, the same as in ``casadi.Function.check_name``."""

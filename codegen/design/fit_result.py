@@ -16,7 +16,7 @@ from .fit_curvature import covariance_of, profile_interval
 from .outcome import at_bound
 
 PART = 1e-3
-"""A variable belongs to an undetermined direction if its entry exceeds this fraction of the largest."""
+"""A variable belongs to an undetermined direction if its entry exceeds this fraction of the largest entry."""
 
 SURE = 100.0
 """Sum of squares per degree of freedom, in units of sigma, above which a warning says that standard deviations which follow

@@ -213,8 +213,8 @@ def _check(options: Mapping[str, Any], threads: Any, progress: Any) -> None:
 def _in_threads(
     run: Callable[[int], None], n: int, threads: int, progress: Callable[[int, int], None], stop: threading.Event
 ) -> None:
-    """Run motions 0 to n - 1. Errors set `stop`, and so does Ctrl-C, as a normal end; motions that have not begun are
-    then skipped."""
+    """Run motions 0 to n - 1. Errors and Ctrl-C set `stop` and skip the motions that have not begun. Errors are raised
+    again; Ctrl-C is a normal end."""
     left: set[Future[None]] = set()
     with ThreadPoolExecutor(threads) as pool:
         try:

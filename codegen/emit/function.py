@@ -27,9 +27,9 @@ class Function:
     declared: bool = False
     """Whether the function is declared even where it is not compiled."""
     before: list[str] = field(default_factory=list)
-    """Lines before the function that its condition does not cover."""
+    """Lines before the function that are compiled even if the function's condition does not hold."""
     after: list[str] = field(default_factory=list)
-    """Lines after the function that its condition does not cover."""
+    """Lines after the function that are compiled even if the function's condition does not hold."""
 
     @property
     def begin(self) -> list[str]:

@@ -31,7 +31,8 @@ class Located:
     type : str
         Type of the row, if the language has types.
     names : tuple of str
-        Names of the component in the model, best first, if it has one meaning there; possible names for a variable.
+        Possible names of a variable for the component, best first: its names in the model. Empty if the component has
+        several meanings there.
     """
 
     variable: str

@@ -52,7 +52,8 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Adds steps; with `anyhow`, functions of every width call them with these widths."""
+        """Adds steps, which are called with the given widths: with `anyhow` by functions of every width, otherwise by
+        functions of the same width."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):

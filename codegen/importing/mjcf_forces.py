@@ -166,7 +166,7 @@ class PassiveForces:
 
     def clamp_tendon(self, t: int, pulls: list[Pull]) -> None:
         """Add the actuator forces of a tendon that limits the sum of these forces (without gears). MuJoCo scales all
-        forces by the same factor. Only if all gears are equal is the result the clamped sum.
+        forces by the same factor. The result is the clamped sum only if all gears are equal.
         """
         model = self.model
         if len({pull.gear for pull in pulls}) > 1:

@@ -51,7 +51,7 @@ class SdfJoint:
     laws : tuple of Law
         The law of each axis.
     cut : str
-        For a joint outside the robot's model: prefix that names there have and names of the robot lack.
+        For a joint outside the robot's model: prefix of the names outside, which the robot's own names do not have.
     """
 
     name: str
@@ -87,7 +87,7 @@ class JointReader(PartReader):
         path : str
             Path of the scope.
         cut : str
-            Prefix that names in this scope have and names of the robot lack.
+            Prefix of the names in this scope, which the robot's own names do not have.
         """
         reader, element = self.reader, item.element
         reader.leave_out_children(element, _JOINT, _REMARKS)

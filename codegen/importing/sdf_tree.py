@@ -133,7 +133,8 @@ class TreeMaker:
         self.robot.give_armature(made, (joint.armature,) * len(axes), place_of(joint.element))
 
     def gear(self, gear: SdfJoint) -> Coupling:
-        """The coupling that represents a gearbox, between the two revolute joints of its links on its reference body.
+        """The coupling that represents a gearbox: between the two revolute joints that connect its links to its
+        reference body.
 
         In the specification, theta_2 = -gearbox_ratio theta_1. These are the angles of the parent about ``axis`` and of the child
         about ``axis2``, both relative to ``gearbox_reference_body``.

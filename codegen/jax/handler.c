@@ -154,7 +154,7 @@ static void spoil(const job *j, long state)
     }
 }
 
-/* Notes a bad state: NaN, or the first one becomes an error. */
+/* Notes a bad state: writes NaN to its results, or keeps the first bad state for an error. */
 static void note(job *j, long state, int code)
 {
     if (j->plan->nan) {

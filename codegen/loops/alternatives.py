@@ -17,9 +17,9 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
 
     Each dependent speed in turn is requested as independent instead of the model's hints. Then each other speed is
     requested together with the best one, as long as this reduces the number of shared speeds. A loop that is singular
-    for one choice of independent speeds is seldom singular for another; speeds that both choices share may be the
-    cause. If several partitions are known, the shared speeds are counted for the one that shares most. Among candidates
-    that share equally many, the best conditioned one is taken.
+    for one choice of independent speeds is seldom singular for another; if it is, speeds of both choices may be the
+    cause. If several partitions are known, the largest number of speeds shared with one of them counts. Among
+    candidates that share equally many, the best conditioned one is taken.
 
     Parameters
     ----------

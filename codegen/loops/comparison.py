@@ -40,8 +40,8 @@ class Comparison:
     worst, worst_pivoted : float
         The condition numbers that a quarter of the other assembled configurations exceed; nan if there are none.
     loss : float
-        Ratio of the choice's condition number to that of pivoting, at the initial configuration. If most other configurations
-        have a larger ratio, that one. nan if all are singular.
+        Ratio of the choice's condition number to that of pivoting: at the initial configuration, or the ratio that a
+        quarter of the other configurations exceed, if this ratio is larger. nan if all configurations are singular.
     reach : float
         Fraction of random independent coordinates around the initial ones for which the loops close. nan for chains with more
         independent speeds than dependent ones, in which the joints beside the loop joint can seldom close the loop.

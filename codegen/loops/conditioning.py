@@ -188,7 +188,7 @@ class Conditioning:
             yield other
 
     def _worst_followers(self, drafts: Sequence[Draft]) -> list[int]:
-        """The dependent speeds with the largest rates per unit of the independent ones, all taken together."""
+        """The dependent speeds that change most per unit of the independent speeds (norm over all of these)."""
         chosen = [self.column[s] for d in drafts for s in d.dependent]
         rest = [c for c in range(len(self.speeds)) if c not in chosen]
         E = self.E[self.regular] if np.any(self.regular) else self.E

@@ -26,7 +26,8 @@ THRESHOLDS = (0.05, 0.3, 1.0)
 """Fractions of the largest norm in the window that a pivot column must reach, in the order in which they are tried."""
 
 GOOD_CONDITION = 20.0
-"""Condition number that ends the search. Above it, a factor of 4 outweighs twice the distance from the cut."""
+"""Condition number that ends the search. Above it, a condition number that is 4 times smaller outweighs twice the
+distance from the cut."""
 
 MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""

@@ -104,8 +104,9 @@ class Geometry:
     chains : dict of type of JointType to Chain
         The motion of all joints of a type; `row (n,)` holds each body's position in it.
     screw_w, screw_v : (nu, 3) array
-        Angular velocity of the body and velocity of its origin per unit speed, relative to the parent, child components.
-        Motions that later ones of the same joint rotate are given without that rotation; `still_w`, `still_v` are zero there.
+        Angular velocity of the body and velocity of its origin per unit speed, relative to the parent, child
+        components. If later motions of the same joint rotate a motion, its rows omit this rotation, and those of
+        `still_w`, `still_v` are zero.
     all_joints : Joints
     ancestry : Ancestry
     starts, ends : list of int

@@ -58,7 +58,7 @@ WORTH_TURNING = 0.6
 """Fraction of the quality along axes of ``to`` below which conditions along axes of ``from`` are replaced."""
 
 STEP = 2.0**-10
-"""Relative step of parameters; for a smaller parameter, this number is used in place of its magnitude."""
+"""Relative step of parameters. A parameter whose magnitude is below this number gets the step of this number."""
 
 
 @dataclass(slots=True)

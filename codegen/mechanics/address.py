@@ -207,8 +207,8 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """Table column (name, values): the first entry of each link, or of each loop with the key True, in arguments and
-        results."""
+        """Table column (name, values): the first entry of each link in arguments and results; with the key True, of
+        each loop."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)

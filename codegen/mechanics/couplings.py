@@ -58,7 +58,8 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def clear_scales(x: Scope, store: Store, first: bool) -> None:
-    """Sets the reference magnitudes of pivots to zero on the `first` contribution; units other than links add none."""
+    """Sets the reference magnitudes of pivots to zero on the `first` contribution. Only links add to these
+    magnitudes."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)

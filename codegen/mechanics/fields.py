@@ -162,7 +162,7 @@ gain = ScalarField(
     "G{}.{}",
     "1",
     OWN,
-    "inertia over that along the degree of freedom (Eq. 46), by degree of freedom and component; after the sixth, of partners",
+    "inertia over the inertia along the degree of freedom (Eq. 46), by degree and component; after the sixth, of partners",
 )
 
 driving_gain = ScalarField(

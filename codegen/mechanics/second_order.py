@@ -330,10 +330,10 @@ def read_outside(system: System) -> set[Place]:
 
 
 def _changing(block: Block, sweep: str) -> Block:
-    """The transpose of a tangent in memory of its own, as far as later transposes for the same multipliers read it.
+    """The transpose of a tangent; results that later transposes for the same multipliers read get memory of their own.
 
-    With multipliers of velocities, these are velocities; all other changes add to the tangents of adjoints, whose sweeps
-    follow.
+    For multipliers of velocities, these results are velocities. All other results add to the tangents of adjoints,
+    whose sweeps follow.
     """
     of_velocities = sweep in ("rate_gaps", "velocities")
 

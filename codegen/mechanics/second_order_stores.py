@@ -119,7 +119,7 @@ ADJOINT_TANGENTS = {
 """The tangents of adjoints."""
 
 READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
-"""Adjoints that formulas read; gradients are computed only for motions."""
+"""Adjoints that formulas read in all functions, also in those that compute no gradient."""
 
 GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
 """Gradients of one vector of weights."""

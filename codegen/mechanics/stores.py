@@ -24,8 +24,9 @@ TANGENT = Memory("tangent", True, region="tangents")
 ADJOINT, ADJOINT_LANE = Memory("adjoint", region="adjoints"), Memory("adjoint", True, region="adjoint_tangents")
 MASS_LANE = Memory("adjoint", True, region="mass_tangents")
 CHANGE_LANE = Memory("adjoint", True, region="adjoint_changes")
-"""For products with second derivatives: tangents of records, adjoints of records for one vector of weights, their tangents, the
-part of these that the mass matrix determines, and their changes with multipliers of loops; see `second_order`."""
+"""For products with second derivatives: tangents of records; adjoints of records for one vector of weights; the
+adjoints' tangents; the part of these tangents that the mass matrix determines; and changes of the adjoints with
+multipliers of loops. See `second_order`."""
 
 LAID_OUT = (
     RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK, TANGENT, ADJOINT, ADJOINT_LANE,

@@ -33,7 +33,7 @@ KINDS: Final = ("sign", "power", "root", "turn", "point")
 - ``sign``: the sign of the switching function.
 - ``power``: the sign of the base of a power such as ``max(0, x)**1.5``, whose higher derivatives are unbounded at zero.
 - ``root``: the sign of such a base if the first derivative may be unbounded at zero, as for ``sqrt(max(0, x))``.
-- ``turn``: the angle near which the function, itself an angle, is measured.
+- ``turn``: the switching function is an angle; the mode is an angle less than half a turn away from it.
 - ``point``: no mode. A singular function is zero where an expression, or the direction of a force, may have no value.
 """
 

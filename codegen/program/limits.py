@@ -33,7 +33,8 @@ class Limits:
     smallest: float
 
     def rounding(self, margin: float, power: int = 1) -> float:
-        """Convert a rounding margin (or a power of one) from double precision, to one significant digit."""
+        """Convert a rounding margin from double precision, to one significant digit; `power`: of the rounding error in
+        the margin."""
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")
 
     def tiny(self, size: float, root: float) -> float:

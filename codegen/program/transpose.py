@@ -25,7 +25,8 @@ from .passes import drop_dead
 from .store import Store
 
 Cleared = Callable[[Store, str], bool]
-"""Whether the adjoint of a stored component must be zero afterwards; results that are never overwritten do not need it."""
+"""Whether the adjoint of a stored component must be zero afterwards. It need not be zero for results that are never
+overwritten."""
 
 Nonzero = Callable[[Store, str], bool]
 """Whether the adjoint of a stored component can differ from zero."""

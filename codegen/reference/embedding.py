@@ -41,7 +41,7 @@ from .terms import Terms
 
 
 class Places:
-    """Columns of the parts of z: six for each end, those of the independent accelerations y, and the constant 1."""
+    """Columns of z: six for each end, one for each independent acceleration y, and one for the constant 1."""
 
     def __init__(self, group: Group) -> None:
         self.ends = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(group.ends)}

@@ -288,7 +288,7 @@ STIFFNESS = {"k": Coefficient("N/m", "stiffness")}
         ({"force": "-k*distance", "energy": "k*distance**2/2 + rate"}, "contains rate; names here: distance, k"),
         ({"force": "-distance"}, "k is not in the force '-distance'; use it there, or leave it out"),
         ({"type": "My law"}, "type 'My law' is not a valid type; lower-case letters, digits and _ are allowed"),
-        ({"coefficients": {"rate": Coefficient("N", "?")}}, "coefficient 'rate' has a meaning of its own; taken are abs, acos, "),
+        ({"coefficients": {"rate": Coefficient("N", "?")}}, "coefficient 'rate' is a reserved name; reserved names are abs, acos, "),
         ({"coefficients": {"k": "N/m"}}, "coefficient 'k' is 'N/m'; Coefficient(unit, meaning) is needed"),
         ({"misspelt": {"stiffness": "kk"}}, "misspelt takes 'stiffness' for 'kk', which is not a coefficient; there are k"),
         ({"coefficients": {"q": Coefficient("N", "?")}}, "coefficient 'q' has a meaning of its own"),

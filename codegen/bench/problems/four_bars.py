@@ -1,8 +1,8 @@
 """A02 of the IFToMM library of multibody benchmarks: N coupled four-bars that pass poses in which all their links lie flat.
 
-N + 1 equal cranks and N couplers, rods of length L and mass m, move like one pendulum with their total energy: phi'' = -c
-sin(phi), c = (g/L) ((N+1)/2 + N)/((N+1)/3 + N), with phi measured from the lowest point. It starts at the highest point with v0 =
-1 m/s at the tip. The published versions are N = 2 for 10 s and N = 40 for 20 s.
+N + 1 equal cranks and N couplers are rods of length L and mass m. They move like one pendulum of the same total energy:
+phi'' = -c sin(phi), c = (g/L) ((N+1)/2 + N)/((N+1)/3 + N), with phi measured from the lowest point. The motion starts
+at the highest point with v0 = 1 m/s at the tip. The published versions are N = 2 for 10 s and N = 40 for 20 s.
 """
 
 from __future__ import annotations

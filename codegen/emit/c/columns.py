@@ -26,7 +26,7 @@ Written = Callable[[Array], str]
 
 
 class ColumnsInC:
-    """Data that all functions share which compute columns of matrices."""
+    """Data shared by all functions that compute columns of matrices."""
 
     masks, group = MASKS, GROUP
 

@@ -100,7 +100,7 @@ def guard_of_run(
     all_functions : mapping
         All functions of the solver, with their widths.
     in_all_units : bool
-        Whether its parts are shared among the units of a library.
+        Whether the parts of this code are shared among the units of a library.
     """
     units = _units(all_functions)
     everywhere = {(n, u) for n in units for u in units[n]}

@@ -21,8 +21,8 @@ TYPES = {
 ABOUT = {
     "records": "Values of a link in one call.", "ears": "Values of an ear of loops in one call.",
     "regions": "Values of a region of loops in one call.", "couplings": "The coupling of two links in one call.",
-    "kept": "Scalars of a link that sweeps run backwards read again.",
-    "kept_regions": "Scalars of a region that sweeps run backwards read again.",
+    "kept": "Scalars of a link that backward sweeps read again.",
+    "kept_regions": "Scalars of a region that backward sweeps read again.",
     "lanes": "Values of a link per direction.", "region_lanes": "Values of a region of loops per direction.",
     "columns": "Values of a link per column of a matrix.",
     "tangents": "Tangents of a link's values per direction.",

@@ -45,7 +45,7 @@ class NumpyFunctions:
     prepared : callable (str) -> list of str
         Returns lines for a preparation; see `Prepare`.
     pivots : callable (str) -> bool
-        Returns whether a sweep checks pivots; it divides by them before zero ones are reported.
+        Returns whether a sweep checks pivots. Such a sweep divides by pivots before zero pivots are reported.
     """
 
     def __init__(self, prepared: Callable[[str], list[str]], pivots: Callable[[str], bool]):

@@ -14,8 +14,8 @@ enum { LONGEST_TEXT = 1024, MOST_STEPS_OF_A_STEP = 1000000 };
 /* Relative difference between the importer's communication point and the instance's time. */
 static const scalar SAME_TIME = 1e-9;
 
-/* Relative difference of times within which an event known in advance is reached; and, relative to its duration, the one within which a
- * motion that starts at a switch has reached it (switches.c). */
+/* SAME_MOMENT: relative difference of times within which an event known in advance counts as reached. AT_ZERO: time, relative to the
+ * duration of a motion, within which a motion that starts at a switch counts as being at the switch (switches.c). */
 static const scalar SAME_MOMENT = 1e-12, AT_ZERO = 1e-13;
 
 /* Step, relative to the time, below which rounding errors of the time stop the integrator. */
@@ -223,8 +223,8 @@ int unit_in(unit *x, const char *call, unsigned modes)
     return unit_say(x, UNIT_ERROR, "%s must not be called in the state %s", call, names[mode]);
 }
 
-/* A function that changes its sign at an event, and its derivative by the switching function. The mode of an angle is held up to half a
- * turn. */
+/* A function whose sign changes at an event, and the derivative of this function by the switching function. For an angle, the event is at
+ * half a turn. */
 scalar unit_indicator(const unit *x, int i, scalar *slope)
 {
     const int k = x->model->indicators[i];

@@ -52,7 +52,7 @@ static void arguments(unit *x, ordernm_call *c)
     c->inputs = x->way + 1 + x->nfq + x->np;
 }
 
-/* Closes the loops at a part of the way. A step to a state that is far from the last one may have left the branch, and fails. */
+/* Closes the loops at a part of the way. Fails if the state is far from the last one, because the step may have left the branch. */
 static int close_at(unit *x, scalar part, ordernm_call *c)
 {
     const ordernm_motion *const m = x->motion;
@@ -175,7 +175,8 @@ int unit_update(unit *x)
     return UNIT_OK;
 }
 
-/* An angle at half a turn, up to rounding, that goes on beyond it takes the mode of the other side. Returns the status of a function. */
+/* Gives an angle the mode of the other side if it is at half a turn, up to rounding, and moves beyond half a turn. Returns the status of a
+ * function. */
 static int pass_half_turns(unit *x, scalar rounding)
 {
     ordernm_motion *const m = x->motion;

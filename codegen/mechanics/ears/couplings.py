@@ -1,9 +1,10 @@
 """Couplings of coordinates: a closing condition on the joints themselves, without a cut.
 
-``sum of factor q - offset = 0`` is a row of the closure matrix whose entries are the factors. Its values for displacements,
-speeds and accelerations are stored as the first angular component of a `motions.Twist`, in which other conditions store the
-motion of faces. The same code then handles couplings and loops. A coupling's multiplier is a force along the coordinates, in
-the same proportion. All coupled links belong to the ear (`structure/regions.py`). Section 4.11 of the theory page.
+``sum of factor q - offset = 0`` is a row of the closure matrix whose entries are the factors. Its values for
+displacements, speeds and accelerations are stored as the first angular component of a `motions.Twist`, in which other
+conditions store the motion of faces. The same code then handles couplings and loops. A coupling's multiplier is a force
+along the coordinates, in proportion to the factors. All coupled links belong to the ear (`structure/regions.py`).
+Section 4.11 of the theory page.
 """
 
 from __future__ import annotations

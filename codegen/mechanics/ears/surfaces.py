@@ -91,7 +91,8 @@ class SurfaceCondition:
 
     @cached_property
     def size(self) -> Value:
-        """Reciprocal of the gradient's length; it is not differentiated, unless the ear's `shares` are."""
+        """Reciprocal of the gradient's length. It is held along directions, unless the ear differentiates its
+        `shares`."""
         field = fields.surface_share(self.c, self.i)
         if self.ear.shares == "held":
             return self.x.load(EAR, field)

@@ -8,8 +8,8 @@ the end is
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 
 Where the faces coincide, f and h are 0/0, but h is multiplied by a = 0, and f = 1. `SMALLEST` in s keeps the quotients
-finite. The rounding errors of these quotients and of their derivatives get one factor of size s, from a, for each
-division by s.
+finite. Each division by s enlarges the rounding errors of the quotients and of their derivatives; a factor a, of size
+s, reduces them again.
 """
 
 from __future__ import annotations

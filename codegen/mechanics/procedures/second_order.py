@@ -45,8 +45,8 @@ HESSIAN_PRODUCTS = "hessian_products"
 INVERSE_DYNAMICS_PRODUCTS = "inverse_dynamics_hessian_products"
 """The functions, which are included only on request."""
 GRADIENT_TANGENTS = "gradient_tangents"
-"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, those of udot are known, and results
-include the gradient."""
+"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, the tangents of udot are given,
+and results include the gradient."""
 
 
 def hessian_products(w: Shared, motion: bool = False) -> Procedure:

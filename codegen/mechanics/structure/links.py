@@ -245,7 +245,7 @@ def _is_held(motion: Motion, held: Collection[int]) -> bool:
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
-    """The part of the chain that this joint can represent; None if they differ in more than numbering."""
+    """The part of the chain that this joint can represent; None if joint and chain differ in more than numbering."""
     places: set[tuple[int, int]] = set()
     own_axes: set[int] = set()
     axes: set[int] = set()

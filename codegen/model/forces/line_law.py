@@ -125,7 +125,7 @@ class LineLaw:
 
     def _check_coefficient(self, key: str, coefficient: Coefficient) -> None:
         if not _WORD.fullmatch(key) or key in _TAKEN:
-            taken = f"has a meaning of its own; taken are {', '.join(sorted(_TAKEN))}"
+            taken = f"is a reserved name; reserved names are {', '.join(sorted(_TAKEN))}"
             why = (
                 taken if key in _TAKEN else "does not consist of lower-case letters, digits and _; choose another name"
             )

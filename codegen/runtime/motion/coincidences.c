@@ -111,8 +111,8 @@ int ordernm_compare_events(ordernm_motion *m)
 
 /* ---- Knots. ---- */
 
-/* The jump of derivatives at a switch per unit of its function, (f- - f+)/g', where it is passed from a mode. Returns the status of a
- * function. */
+/* The jump of derivatives per unit of the switching function, (f- - f+)/g', at a switch that is passed from the given mode. Returns the
+ * status of a function. */
 static int jump_from(ordernm_motion *m, int k, scalar mode, scalar *jump)
 {
     scalar *const after = m->trial, speed;

@@ -6,8 +6,8 @@
  *     dY_i = dz + h sum a_ij dk_j,  dkappa_j = h (b_j dlambda + sum_i>j a_ij dnu_i),
  *     dnu_j = f_z(Y_j)^T dkappa_j + (f_zz dY_j + f_zp dp)^T kappa_j,  dlambda <- dlambda + sum dnu_j.
  *
- * The first term is a transpose with other weights, the second one is a Hessian product; trees have one function for both and for
- * f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the values. */
+ * The first term of dnu_j is a transpose with other weights, the second one is a Hessian product. Models without loops have one function
+ * that computes both and f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the values. */
 #include "inside.h"
 
 #include <string.h>

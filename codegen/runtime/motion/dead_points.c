@@ -168,8 +168,8 @@ static spread spread_of(const ordernm_motion *m, int n, const scalar *t, const s
 /* Smallest ratio of inverse condition numbers in a step near a dead point; below this ratio the step is too long. */
 static const scalar LEAST_LEFT = 0.5;
 
-/* Constant steps, whose errors are not estimated, are checked for dead points above the condition number COARSE. Near a dead point, the
- * condition number of no constant step may exceed TOO_NEAR; nor may that of other steps, if the motion turns before the point. */
+/* Constant steps, whose errors are not estimated, are checked for dead points above the condition number COARSE. Near a dead point, their
+ * condition number must not exceed TOO_NEAR. The same limit holds for adaptive steps if the motion turns before the dead point. */
 static const scalar COARSE = 10.0, TOO_NEAR = 100.0;
 
 /* For constant steps: stores inverse condition number and growth at the moment when the condition number exceeds COARSE. */

@@ -81,7 +81,7 @@ typedef struct {
 static const quadrature simpson = {1, {0.5}, {1.0/6.0, 4.0/6.0, 1.0/6.0}};
 static const quadrature in_halves = {3, {0.25, 0.5, 0.75}, {1.0/12.0, 4.0/12.0, 2.0/12.0, 4.0/12.0, 1.0/12.0}};
 
-/* The largest difference between a constant step and a quadrature, relative to the state; its entry. */
+/* The largest difference between a constant step and a quadrature, relative to the state. `entry`: the entry with this difference. */
 static scalar difference(ordernm_motion *m, scalar h, const quadrature *of, int *entry)
 {
     scalar *const *const k = m->rate, *const sum = m->error[0], *const rates = m->error[1], largest = 0.0;

@@ -123,8 +123,8 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
     return look_at_touch(m, h, e, x, y, i, *n);
 }
 
-/* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. Returns 0 if there
- * is none; else 1, or the status of a function, minus 1 if that is negative. */
+/* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. Returns 0 if the
+ * output does not cross its level; 1 if it does; otherwise the status of a function, or a negative status minus 1. */
 static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2], int *found)
 {
     const long events = m->nwatched;
@@ -321,8 +321,8 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         step->event_time = m->t + step->h;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
-    /* all events at this time count as passed, even if rounding has left the output before its level; so do those that the step has passed
-     * because it is more accurate than its interpolant; recent events remain passed */
+    /* all events at this time count as passed, even if rounding has left the output before its level. The step is more accurate than its
+     * interpolant: events that only the step has passed count as well. Recent events remain passed. */
     for (int e = 0; e < m->nwatched; ++e) {
         const int recent = fabs(m->crossing[e]) == BEHIND && part < 1e-9;
         if (m->part[e] <= part + 1e-13 || (crosses(m, e, m->crossing[e], m->after[e]) && !recent)) {

@@ -116,9 +116,9 @@ struct ordernm_motion {
     long values, size;        /* doubles of z without and with derivatives */
     int ngroups;
     group *groups;            /* [ngroups + 1] the last one is the direction of the motion itself, see flow.c */
-    int flowing;              /* whether derivatives along this last direction are computed */
-    scalar flow_error, flow_step, flow_at; /* error along it, size and start of the step that was tried last */
-    int flow_unknown;         /* whether these derivatives of rates must be computed anew at the start of the next step */
+    int flowing;              /* whether derivatives along the last direction are computed */
+    scalar flow_error, flow_step, flow_at; /* error along the last direction; size and start of the step that was tried last */
+    int flow_unknown;         /* whether its derivatives of rates must be computed anew at the start of the next step */
     int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */

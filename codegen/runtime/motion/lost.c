@@ -332,8 +332,8 @@ static int begins_smoothly(ordernm_motion *m)
     return !status && !ordernm_rates_jump(m, before, after);
 }
 
-/* Marks directions as lost that move a switch whose function is zero, for the given reason. With `smooth`, directions that shift all
- * such zeros alike stay. */
+/* Marks directions as lost that move a switch whose function is zero, for the given reason. With `smooth`, directions that shift all such
+ * zeros alike are not lost. */
 static void lose_at_switch(ordernm_motion *m, int k, int why, int smooth)
 {
     int some = !m->ngroups && !m->results->lost_count;

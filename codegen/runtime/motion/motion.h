@@ -133,8 +133,8 @@ typedef struct {
     const ordernm_scalar *p;  /* [np] */
     const ordernm_scalar *q, *u; /* the consistent initial state */
     int ndirections;
-    const ordernm_scalar *dq, *du; /* [ndirections][nq], [ndirections][nu]: derivatives of the initial state; 0 for zeros */
-    const ordernm_scalar *dp; /* [ndirections][np]; 0 for zeros */
+    const ordernm_scalar *dq, *du; /* [ndirections][nq], [ndirections][nu]: derivatives of the initial state; null if all are zero */
+    const ordernm_scalar *dp; /* [ndirections][np]; null if all are zero */
     ordernm_inputs inputs;
     ordernm_scalar start, end;
     long ntimes;
@@ -305,7 +305,7 @@ typedef struct {
     const ordernm_scalar *times;      /* increasing times of weighted outputs, from the start to the end */
     ordernm_scalar *states;           /* [ntimes] records at these times, set by ordernm_tangents */
     const ordernm_scalar *sources;    /* [ntimes]: sources at these times */
-    const ordernm_scalar *finish;     /* [1 + k][n]: derivatives by the state after the last step, and their tangents; 0 for zeros */
+    const ordernm_scalar *finish;     /* [1 + k][n]: derivatives by the state after the last step, and their tangents; null for zeros */
     /* Gradients and Hessian products. The caller sets p and inputs to zero. */
     ordernm_scalar *start, *p, *inputs; /* [1 + k][n], [np], [count][nsignals] */
     long products;

@@ -98,8 +98,8 @@ static int differ(const ordernm_motion *m, const group *of, int lane, const scal
     return 0;
 }
 
-/* Passes the switches together at the current state, with the derivatives before the first of them. The first `n` orders begin with
- * another switch each, the next ones are reversed. Returns the status of a function. */
+/* Passes the switches at the current state in the given order, with the derivatives before the first switch. Orders 0 to n - 1 are the
+ * rotations of the n switches; the next n are the rotations in reverse. Returns the status of a function. */
 static int pass_in_order(ordernm_motion *m, int order, scalar *z, scalar *rates)
 {
     const int n = m->ntogether;

@@ -83,7 +83,7 @@ int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
     return error*(m->problem->atol[0] + m->problem->rtol*size) < rounded;
 }
 
-/* The size of a step that would be h, near a pose. A method with constant steps makes a smaller one. */
+/* The size of a step near a pose; h is its size elsewhere. With constant steps, one smaller step is made near the pose. */
 scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 {
     const scalar gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;

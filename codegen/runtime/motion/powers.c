@@ -9,8 +9,8 @@
 /* Largest distance, in lengths of the step, at which a zero of a switching function affects the step. */
 static const scalar FARTHEST = 5.0;
 
-/* Errors of derivatives over errors of the state, times the time in which the state changes by its size, over the step size. This ratio
- * holds for a zero within one step length; farther away it decreases with the third power of the distance. */
+/* Ratio of errors of derivatives to errors of the state, times T/h: h is the step size, T the time in which the state changes by its size.
+ * The value holds for a zero within one step length. Farther away it decreases with the third power of the distance. */
 static const scalar LARGER = 300.0;
 
 /* Step size, relative to the time in which the state changes by its size: shorter steps are not repeated, and no longer step ends at the

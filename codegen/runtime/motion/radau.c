@@ -40,8 +40,8 @@ static const scalar FARTHEST = 10.0;
 
 /* ---- Memory. ---- */
 
-/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations; returns the number of bytes, which is
- * all if at is 0. */
+/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations. Returns the number of bytes; only this
+ * if `at` is 0. */
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
 {
     memory of = {(char *)at, 0};
@@ -57,7 +57,7 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
     return of.used;
 }
 
-/* Lays out the method's own memory, aligned to a cache line; returns the number of bytes, which is all if at is 0. */
+/* Lays out the method's own memory, aligned to a cache line. Returns the number of bytes; only this if `at` is 0. */
 size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 {
     memory of = {(char *)at, 0};
@@ -443,9 +443,9 @@ static const scalar TIMES[] = {0.0, 0.15505102572168219018, 0.644948974278317809
 
 /* ---- Stored and repeated steps. ---- */
 
-/* Data that determine where Newton's method ends: whether J was computed here, and the expected convergence rate. With the former, which
- * stages are in long double; then the stages. Before the first of several steps, the starting data: the stages of the step before, and J,
- * as the state at which it was computed. */
+/* Stores the data that determine where Newton's method ends. row[2]: whether J was computed in this step, and which stages are in long
+ * double. row[3]: the expected convergence rate. Then the stages. Before the first of several steps, `known` gets the starting data: the
+ * stages of the step before, and the state at which J was computed. */
 static void radau_keep(const ordernm_motion *m, scalar *row)
 {
     const struct radau *const r = m->radau;

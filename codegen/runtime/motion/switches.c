@@ -230,8 +230,8 @@ int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
     return status;
 }
 
-/* The mode of a switch whose function and its speed are zero at the start: the sign that the function takes if the motion, from rest, leaves
- * the zero to the same side with both modes; otherwise 0. */
+/* The mode of a switch whose function is zero at the start, with a zero rate. If the motion leaves this zero to the same side with both
+ * modes, the mode is the sign of the function on that side; otherwise 0. */
 static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     const scalar moment = MOMENT*(m->problem->end - m->problem->start);
@@ -445,8 +445,8 @@ static int bend_at_knot(ordernm_motion *m, int k, int *stays)
     return status;
 }
 
-/* At a knot of the inputs, switching functions may jump; its time has no derivatives. Where a function jumps to zero, as that of
- * gate >= 1 does if an input becomes 1, or stays at zero from the knot on, its mode is chosen as at the start. Returns 0, the status of a
+/* At a knot of the inputs, switching functions may jump. The time of the knot has no derivatives. If a function jumps to zero, as that of
+ * gate >= 1 does when `gate` becomes 1, or stays at zero after the knot, its mode is chosen as at the start. Returns 0, the status of a
  * function, or SLIDES. */
 int ordernm_follow_inputs(ordernm_motion *m)
 {

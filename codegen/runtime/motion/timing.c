@@ -8,8 +8,8 @@
 /* Errors of the state in tolerances: the errors of many steps add up. */
 static const scalar ERRORS = 10.0;
 
-/* Arguments of a function along an error of the state, at a fixed time. The two errors, n = 0 and 1, change each entry in another
- * proportion; of an error in a single entry, the sum of both squares is the whole. Returns the status of a function. */
+/* Arguments of a function along an error of the state, at a fixed time. The errors n = 0 and n = 1 change each entry in different
+ * proportions. The squares of the two changes of an entry add up to the square of its whole error. Returns the status of a function. */
 static int along_error(ordernm_motion *m, scalar t, const scalar *z, int n, ordernm_call *c)
 {
     scalar *const error = m->error[1];

@@ -28,7 +28,8 @@ typedef struct {
     int threads;
 } way;
 
-/* Lets the run time choose how to compute the batch; `run` is NULL for one state after another. Returns 0 for the general path, -1 with an exception. */
+/* Lets the run time choose how to compute the batch; `run` is NULL for one state after another. Returns 1; 0 if the batch must take the
+ * general path; -1 after an exception. */
 static int ask_way(const Call *c, long states, long k, way *w)
 {
     unsigned long long run, share;

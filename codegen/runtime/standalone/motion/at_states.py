@@ -1,4 +1,5 @@
-"""Functions at many states of a motion, with derivatives along its directions, and their transposes with changes of these."""
+"""Functions at many states of a motion, with derivatives along its directions; the functions' transposes, with tangents
+of these."""
 
 from __future__ import annotations
 

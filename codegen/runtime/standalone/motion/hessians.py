@@ -280,7 +280,7 @@ def curvature_of(motion: Motion, along: Problem, wanted: Wanted, memory: int) ->
 
 
 def _check_memory(segments: Sequence[Segment], of: _Tangents, memory: int) -> None:
-    """Refuses motions whose stages with tangents do not fit the memory."""
+    """Refuses motions whose stages, with their tangents, need more than the allowed memory."""
     steps = sum(len(x if h is None else h) for s in segments for x, h in zip(s.steps, s.heads, strict=True))
     needed = 8 * steps * of.stages * of.record
     if needed > memory:

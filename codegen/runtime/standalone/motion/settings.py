@@ -19,7 +19,7 @@ METHOD = "dop853"
 RTOL = 1e-9
 ATOL = 1e-9
 MOST_STEPS = 1_000_000
-"""Defaults of a motion: method, tolerances, and the largest number of steps."""
+"""Defaults of a motion: METHOD, RTOL and ATOL (tolerances), and MOST_STEPS, the largest number of steps."""
 
 SMALLEST_TOLERANCE = 1e-14
 """Smallest relative tolerance; smaller errors would be below rounding."""

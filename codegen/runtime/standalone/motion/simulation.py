@@ -151,8 +151,8 @@ class Simulation(Reasons):
     def _sizes_of_directions(
         self, directions: Directions, q: Array, u: Array, problem: Problem
     ) -> tuple[Array, Array, Array]:
-        """Steps along directions for a relative change of 1, then sizes of the entries of q and of u: the largest entry
-        of equal unit."""
+        """Steps along directions for a relative change of 1; then the sizes of the entries of q and of u. The size of
+        an entry is the largest magnitude among entries of its unit."""
         q = largest_of_unit(q, self._manifest["coordinate_units"])
         u = largest_of_unit(u, self._manifest["speed_units"])
         return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
