@@ -21,7 +21,8 @@ FEW = 8
 
 SAME = {"rtol": "rtol", "atol": "atol", "method": "integrator", "step": "step", "largest_step": "largest_step",
         "most_steps": "most_steps"}  # fmt: skip
-"""Options of `Solver.simulate` with which `Solver.judge` takes the same steps, and their names there."""
+"""Options of `Solver.simulate` that `Solver.judge` needs to take the same steps, and the names of these options in
+`Solver.judge`."""
 
 
 class Moved(NamedTuple):

@@ -53,7 +53,7 @@ class Bridged:
         The transpose of `along`, and Hessian products, if the package has them.
     arguments : tuple of str
     places : dict of str to tuple of int
-        Indices of the entries in the whole array, for arguments that are the independent entries.
+        For arguments that hold the independent entries only: the indices of these entries in the whole array.
     sizes : dict of str to int
         Numbers of entries of the whole arrays.
     jacobian : dict of str to array of bool

@@ -180,7 +180,8 @@ def _chosen(model: Model, functions: Sequence[str] | str | None) -> list[str]:
 
 
 def _generated(model: Model, names: Sequence[str], package: Path, progress: Progress) -> None:
-    """Generates the package of some functions with their derivatives, of second order where the model has them."""
+    """Generates a package of some functions with first derivatives, and with second derivatives if the model has
+    these."""
     needed = [x for n in names for x in (n, *BRIDGED[n]) if x]
     second = [SECOND[n] for n in names if n in SECOND]
     options: dict[str, Any] = {"target": "c", "compile": False, "progress": progress}

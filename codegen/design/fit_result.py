@@ -52,7 +52,7 @@ class Fit:
         With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is the part of it
         that would remain if the motion were linear in the variables.
     full_covariance : ndarray (n, n) or None
-        Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if that is not positive definite.
+        Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if `hessian` is not positive definite.
     undetermined : tuple of dict of str to float
         Directions along which no sample changes, as changes of variables in their units.
     at_bounds : dict of str to str
@@ -84,7 +84,7 @@ class Fit:
     cost : float
         Final cost of the search.
     first_cost : float
-        Cost at its start.
+        Cost at the start of the search.
     """
 
     names: tuple[str, ...]

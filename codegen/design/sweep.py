@@ -66,14 +66,14 @@ def sweep(
         ``measure(solver, case)`` returns a mapping of names to numbers, words, truth values or arrays of them, a few
         kilobytes at most. For processes it has to be a function of a module that the workers can import.
     executor : concurrent.futures.Executor, or callable that makes one, optional
-        Default: as many threads as processors. A given executor stays open. One that the callable makes is closed, and
-        made anew if it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its
-        path.
+        Default: as many threads as processors. A given executor stays open. An executor from a callable, such as
+        ``functools.partial(ProcessPoolExecutor, 8)``, is closed at the end, and replaced if it dies. Workers open the
+        solver's package by its path.
     journal : path, optional
         File that records every computed case at once. Cases in an existing journal are not computed again;
         `Sweep.from_journal` counts them. A journal belongs to one package and one measure: the code of the measure,
         variables that it closes over, and functions and values of modules that are not installed are compared.
-        Installed packages, files that the measure reads and variables that it changes are not.
+        Installed packages, and files and variables that the measure reads or changes, are not compared.
     chunk : int, optional
         Number of cases that are sent together. Default: the cases in 200 parts, at most 50 together.
     progress : callable, optional

@@ -141,7 +141,7 @@ class Link:
     inertia : Inertia
     solids : list of Solid
     origin : Placement
-        The link's frame of the file, in the frame used here, whose origin is that of the joint.
+        The link's frame in the file, relative to the frame used here, whose origin is at the joint.
     """
 
     name: str
@@ -258,7 +258,7 @@ class Coupling:
         The coupled joints.
     ratio, offset : float
     unreadable : str
-        Description of a coupling that is not linear; empty if it is.
+        Description of a coupling that is not linear; empty for linear ones.
     is_gear : bool
         Whether it is a gear joint between two links, not a mimic joint.
     """

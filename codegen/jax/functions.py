@@ -19,7 +19,7 @@ def function(solver: Any, name: str) -> Callable[..., Any]:
     Parameters
     ----------
     solver : Solver
-        A solver with compiled code. Its partition and `bad_states` are those at this call.
+        A solver with compiled code. Later changes of its partition and of `bad_states` have no effect.
     name : str
         The method of the solver: ``accelerations``, ``coordinate_rates``, ``outputs``, ``energies``,
         ``inverse_dynamics``, ``driving_forces``, ``mass_matrix`` or ``solve_mass``.

@@ -33,7 +33,7 @@ MAX_COMBINATIONS = 500
 """Number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of combinations that are compared, of those whose columns span the range of A."""
+"""Number of compared combinations whose columns span the range of A."""
 
 MAX_DIVIDED = 6
 """Largest number of rotations or displacements that are tried one by one as the only divided group."""
@@ -98,7 +98,7 @@ def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int
 
 
 def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
-    """Columns that span A, found like those of `choose_dependents`, which divide few quaternion joints."""
+    """Columns that span the range of A and divide few quaternion joints; found as in `choose_dependents`."""
     best: list[int] = []
     lowest = float("inf")
     for parts in divided_joints(joints):

@@ -37,7 +37,8 @@ def _odd_axis(geometry: Geometry, loop: int) -> str:
 
 
 def _axes(geometry: Geometry, loop: int) -> list[tuple[str, Array]]:
-    """Names and axes, in the ground frame, of the joints that a loop passes and of its own; empty if a joint has several."""
+    """Names and axes, in the ground frame, of the joints of a loop, with its loop joint; empty if a joint has several
+    axes."""
     g, model = geometry, geometry.model
     of = model.loops[loop]
     if of.is_coupling or of.closure.angular != 2:

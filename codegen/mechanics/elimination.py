@@ -110,13 +110,13 @@ class SymmetricSystem:
         s : Column
             Change of the unknowns per unit acceleration.
         tau : value
-            The force along it.
+            Force along the degree of freedom.
         whole : value
-            Inertia along it with which the pivot is compared.
+            Inertia along the degree of freedom, with which the pivot is compared.
         left : range, optional
             Unknowns that are still needed; all by default.
         rotor : value, optional
-            Reflected inertia of its rotor.
+            Reflected inertia of the degree of freedom's rotor.
 
         Raises
         ------

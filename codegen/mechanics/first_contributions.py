@@ -124,8 +124,8 @@ class _Order:
         return self._links[access]
 
     def first(self, given: Accesses, read: Accesses, of_ground: bool) -> set[_Access] | None:
-        """The contributions that come first wherever they are made; None if some come first for some links only, or if
-        a link without contributions is read."""
+        """The contributions that come first for every link to which they add; None if a contribution comes first for a
+        part of its links only, or if a link without contributions is read."""
         earliest: dict[int, tuple[int, int, int]] = {}
         for g, access in enumerate(given):
             sign = -1 if self.runs[access.at][0].direction == INWARD else 1

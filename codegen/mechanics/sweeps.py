@@ -232,7 +232,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("gaps", "values of the loops' conditions in position (Eq. 32)", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.gaps, units=True),
     Sweep("coordinate_forces", "the gradient by coordinates, along degrees of freedom", closed.coordinate_forces, OUTWARD),
-    Sweep("tangential_gradients", "gradients by quaternions of which loops determine a part", _nothing, OUTWARD, applies=_never,
+    Sweep("tangential_gradients", "gradients by quaternions that loops determine in part", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.tangential_gradients, units=True),
     Sweep("multipliers_out", "forces of loops set to zero", _nothing, OUTWARD, lanes=True, applies=_never,
           region=closed_solutions.clear_sums, units=True),

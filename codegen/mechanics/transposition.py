@@ -105,7 +105,7 @@ def transpose_sweeps(
 
 
 def _keep_needed(program: Program, made: list[str]) -> None:
-    """Removes scalars that are never read, and sweeps that compute no others."""
+    """Removes scalars that are never read, and sweeps that compute only such scalars."""
     needed: set[Name] = set()
 
     def useful(block: Block) -> Block:

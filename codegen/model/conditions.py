@@ -20,7 +20,7 @@ class ConditionType(Entry):
     closure : Closure
         Number of its conditions, all of them linear.
     equation_keys : tuple of tuple of (str or int)
-        Paths in an entry of the equations, which are expressions of the coordinates.
+        Paths of the equations in an entry; each equation is an expression of the coordinates.
     length_key : str
         Key of the length of a distance; empty for other types.
     """

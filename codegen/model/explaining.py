@@ -200,7 +200,8 @@ def _models(annotation: Any) -> list[type[Entry]]:
 
 
 def _steps(cls: Any, loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:
-    """For every part of a location: the part, the possible entry classes of its value, and whether it is a class's type."""
+    """For every part of a location: the part, the possible entry classes of its value, and whether the part names a
+    type."""
     steps: list[tuple[Any, list[type[Entry]], bool]] = []
     classes = _models(cls)
     for part in loc:

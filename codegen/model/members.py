@@ -111,7 +111,7 @@ class Loop:
     start, end : Face
         ``from`` and ``to`` of the file; the joint type documents the conditions on them.
     turned : bool
-        Whether they are exchanged, with conditions along the axes of ``to``. See `Model.with_turned`.
+        Whether the faces are exchanged, so that conditions are along the axes of ``to``. See `Model.with_turned`.
     """
 
     name: str

@@ -272,8 +272,8 @@ class Reader(Problems):
     ) -> str | None:
         """The name, as in the file, that a text or an expression denotes after its indices have been replaced.
 
-        It is written at a path, or is the `key` there; `prefix`, such as ``q.``, is put before a text. None after an error,
-        which is not reported if `quiet`.
+        Errors are reported at a path or, with `key`, at the key of this path; with `quiet` they are not reported. After
+        an error, the result is None. `prefix`, such as ``q.``, is put before a text.
         """
         try:
             tree = written.tree if isinstance(written, Expression) else parse_name(written, prefix=prefix)

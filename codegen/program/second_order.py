@@ -30,7 +30,7 @@ def along(
     recalled: Mapping[Symbol, Component] = MappingProxyType({}),
     known: Mapping[Symbol, Component] = MappingProxyType({}),
 ) -> Block:
-    """Append the tangents of all statements to a block, and replace its stores by theirs.
+    """Append the tangents of all statements to a block, and store tangents in place of values.
 
     Parameters
     ----------

@@ -181,7 +181,7 @@ def _times(
     core: Core, solver: Solver, packages: Sequence[Path], state: State | None, moved: dict[str, Any] | None, request: Request,
     progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return ``times`` and ``roofline`` if there is a state; enter times of motions into their points.
+    """Return ``times`` and ``roofline`` if there is a state; write the times of motions into the points in `moved`.
 
     Parameters
     ----------

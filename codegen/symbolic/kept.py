@@ -76,8 +76,8 @@ def kept(store: Store, component: str) -> sympy.Expr:
 
 
 def constant(store: str, component: str, owner: Constants | None) -> sympy.Symbol:
-    """The symbol of a constant, or of its derivative with respect to a parameter; its only `owner` names the
-    parameter."""
+    """The symbol of a constant, or of its derivative with respect to a parameter; the name of the parameter is known if
+    the constant has one `owner` only."""
     field, slash, parameter = component.partition("/")
     name = owner.parameters[int(parameter)] if owner is not None and slash else parameter
     return symbol(f"{store}.{field}{slash}{name}")

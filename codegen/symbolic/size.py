@@ -31,8 +31,9 @@ of terms grows with this power of the number of bodies."""
 def expected_terms(model: Model, parameters: Mapping[str, Any], intermediates: bool = False) -> float:
     """Estimated number of terms of mass matrix and right side, without loops and force elements.
 
-    The first few bodies of the longest path from the ground are computed. Each further body multiplies the number of terms, by
-    a factor that decreases from body to body as it did before, but half as quickly. Zero for models that are small.
+    The first few bodies of the longest path from the ground are computed. Each further body multiplies the number of
+    terms by a factor, which decreases from body to body half as quickly as among the first bodies. Zero for models that
+    are small.
     """
     path = longest_path(model)
     if len(path) <= (FIRST if intermediates else SURE):

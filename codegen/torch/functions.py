@@ -22,7 +22,7 @@ def function(solver: Any, name: str) -> Callable[..., Any]:
     Parameters
     ----------
     solver : Solver
-        The solver. Its partition and `bad_states` are those at this call.
+        The solver. Later changes of its partition and of `bad_states` have no effect.
     name : str
         The method of the solver: ``accelerations``, ``coordinate_rates``, ``outputs``, ``energies``,
         ``inverse_dynamics``, ``driving_forces``, ``mass_matrix`` or ``solve_mass``.

@@ -1,7 +1,7 @@
 """``import ordernm``: the package `codegen` under the name of the project, with the same module objects.
 
 ``ordernm.reference is codegen.reference``: nothing is loaded twice; classes, errors and pickles are the same under both names.
-A wheel has this folder beside `codegen`, an editable install finds it where it is.
+In a wheel, this folder is beside `codegen`; an editable install uses the folder of the source tree.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Other programs on the chain, and SciPy on trees with accelerations by ordernm: the final state of a motion.
 
-Each program has a function, which imports it; in `comparing` the programs take turns.
+Each program has a function that imports the program; in `comparing` the programs take turns.
 """
 
 from __future__ import annotations

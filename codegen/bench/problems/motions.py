@@ -61,7 +61,8 @@ FLYBALL = Motion(
     goals=(Goal(1e-7),),
 )
 
-# A cart of a millionth of the mass of its pendulum's bob: 4429 rad/s for a microsecond, eleven times in 10 s.
+# The cart has a millionth of the mass of the pendulum's bob. The pendulum reaches 4429 rad/s for a microsecond, eleven
+# times in 10 s.
 CART_POLE_TEXT = """\
 model: light_cart_pole
 gravity: [0, 0, -9.81]

@@ -169,7 +169,8 @@ class Lines:
     """Writes the lines of one function, or of one routine."""
 
     takes_modes = True
-    """Whether a function has a parameter for modes of switches if its procedure has one; otherwise they are null."""
+    """Whether functions pass on the modes of switches that their procedure takes; otherwise a null pointer stands for
+    them."""
 
     def __init__(self, of: CFunctions, procedure: Procedure | None, lanes: bool):
         self.functions = of

@@ -88,7 +88,7 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
     if CURVED[1] in functions:
-        functions.pop(CURVED[0])  # motions call the other
+        functions.pop(CURVED[0])  # motions call CURVED[1] instead
     for f in [f for f in (*ALONG, *CURVED) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
         of = second if f.endswith("_transposed") or f in CURVED else first

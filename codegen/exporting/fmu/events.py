@@ -12,7 +12,7 @@ from ...model.products import HELD
 from ...model.switches import MODE, varies_in_motion
 
 HELD_LINEAR = frozenset(HELD + name for name in ("abs", "max", "min"))
-"""Functions that are linear while their branch is held, if their arguments are."""
+"""Functions that are linear in their arguments while their branch is held."""
 
 
 def held_switches(model: Model, manifest: Mapping[str, Any]) -> list[int]:

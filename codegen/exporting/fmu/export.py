@@ -216,7 +216,8 @@ def _refuse_file(path: Path, force: bool) -> None:
 
 
 def _write(path: Path, files: Mapping[str, bytes]) -> None:
-    """Writes the archive to a temporary file beside it, which then replaces it."""
+    """Writes the archive to a temporary file in the same folder, and renames this file to `path` when it is
+    complete."""
     beside = path.with_name(f".{path.name}-{os.getpid()}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -39,7 +39,7 @@ struct unit {
     int integrates;                   /* Co-Simulation */
     void (*log)(unit *x, int status, const char *text);
     void *environment, *callback;     /* of the importer */
-    char *instance;                   /* its name for the instance */
+    char *instance;                   /* the importer's name for the instance */
     ordernm_problem problem;
     ordernm_results results;
     ordernm_motion *motion;

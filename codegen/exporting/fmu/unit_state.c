@@ -109,8 +109,8 @@ void unit_arguments(unit *x, ordernm_call *c)
     c->full_u = x->motion->qdot;
 }
 
-/* An initial value after its expression has changed from `before` to `now`. If it was replaced, since the initial values of the model file
- * close no loops, it moves by the difference. */
+/* An initial value after its expression has changed from `before` to `now`. If the known value differs from `before`, because the initial
+ * values of the model file do not close the loops, it changes by the same difference as the expression. */
 static scalar moved(scalar known, scalar before, scalar now) { return known == before ? now : known + (now - before); }
 
 /* Until initialisation ends, initial values that the importer has not set follow from the parameters. */

@@ -164,7 +164,8 @@ class Dependencies:
         return self._of_arguments(name), False
 
     def _of_arguments(self, function: str) -> list[int]:
-        """The knowns that are arguments of a function, or by which the loops are closed before it."""
+        """The knowns that are arguments of a function, or arguments of the loop closure before the function is
+        called."""
         closing = self._functions.get("closing_step", {"arguments": ()})["arguments"]
         own = self._functions.get(function, {"arguments": self._known})["arguments"]
         arguments: Iterable[str] = [*own, *closing]

@@ -157,7 +157,7 @@ def kept_rotations(ear: EarGeometry) -> dict[int, Vector]:
 
 
 def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
-    """Tangents of the roots' positions, if sliding joints need them, for complete seeds."""
+    """If joints slide: tangents of the roots' positions, along the completed seeds."""
     found: dict[Symbol, Value] = {}
     for root in ear.roots if ear.slides else ():
         found.update(tangents_of(root.position(), root.displacement(True)))

@@ -1,8 +1,9 @@
 """Conditions of loops in the ground frame, and their wrenches on the links of the tree, for second derivatives.
 
-The conditions are those of the closure matrix, along the same directions. So its factor solves for their multipliers. Positions,
-velocities and accelerations of links are those of sweeps over the tree. All conditions are met, so only their derivatives are
-read; differences of distant positions cost digits only where a loop joint slides.
+The conditions are those of the closure matrix, along the same directions. So the factor of this matrix gives their
+multipliers. Positions, velocities and accelerations of links are those of sweeps over the tree. All conditions are met,
+so only their derivatives are read. Differences of distant positions, which cost digits, are needed only where a loop
+joint slides.
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ class Condition:
     n : Vector
         Direction at the cut, in region axes, scaled: the condition is the component of the motion along n.
     turning : list of (weight, Vector, Vector)
-        For loops whose dropped conditions may be open: the angular condition is that a sum of weight c . d is zero, with c fixed
-        in the end face, d in the start face, and n the sum of weight c x d.
+        For loops whose dropped conditions may be open: terms of an angular condition. The sum of ``weight * c . d`` is
+        zero, where c is fixed in the end face and d in the start face; n is the sum of ``weight * c x d``.
     axis : Vector or None
         A direction of the start face in place of n, for residuals.
     surface : SurfaceCondition or None

@@ -2,9 +2,9 @@
 
 Outward, the contribution of the change of udot, which the balance held, is added to the force that every link's motion
 requires. Inward, these forces are summed as in the balance, along the links' own axes. A loop's wrench changes with the
-directions that its joint constrains and by a change of its multipliers, ``E^T dW = -dgamma``: the residual of the
-dependent joints with W held, solved by the stored factor. Where conditions are redundant, W is the shortest, ``W = E
-z``, and the part of ``dE z`` that E does not reach is added.
+directions that its joint constrains, and with its multipliers W. The stored factor gives the change of the multipliers
+from ``E^T dW = -dgamma``, where dgamma is the residual of the dependent joints with W held. Where conditions are
+redundant, W is the shortest, ``W = E z``, and the part of ``dE z`` that E does not reach is added.
 """
 
 from __future__ import annotations

@@ -124,7 +124,8 @@ class Root(ABC):
 
 
 class Frame(Root):
-    """The region's base. If the region is not rigidly attached to it, the six components of its motion are sources."""
+    """The region's base. Unless the region is rigidly attached to its base, the six components of the base's motion are
+    sources."""
 
     @property
     def record(self) -> Store:

@@ -88,7 +88,7 @@ def lacking(w: Shared) -> str:
         if isinstance(m, DrivingMeasure) or (isinstance(m, RecordMeasure) and "acceleration" in {*m.reads, *m.also(o)})
     ]
     if accelerated:
-        return f"outputs that do not depend on accelerations; these depend on them: {', '.join(accelerated)}"
+        return f"outputs that do not depend on accelerations; here {', '.join(accelerated)} do"
     return ""
 
 

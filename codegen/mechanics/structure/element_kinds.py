@@ -67,9 +67,9 @@ class PlacedElement:
         ``("name", "coefficient", i)`` for the parts that are evaluated before the sweeps. Points have the names
         ``("name", "position", end, i)`` and ``("name", "velocity", end, i)``.
     parts : tuple of (str, Tree)
-        Those parts, each with its key in the model file.
+        The parts that are evaluated before the sweeps, each with its key in the model file.
     first : int
-        Index of the first of them in its array.
+        Index of the first of these parts in its array.
     constants : Constants
     """
 

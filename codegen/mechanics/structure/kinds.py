@@ -57,7 +57,7 @@ class LinkKind(SharedConstants):
     units : list of int
         Their indices in the order of units, if they are units.
     of_links : bool
-        Only links contribute inertia to them, no regions and no partners.
+        Only links contribute inertia to the members; regions and partners do not.
     """
 
     index: int

@@ -43,9 +43,9 @@ class Bundle:
     Attributes
     ----------
     links : list of int
-        Links on their cycles that no earlier bundle contains.
+        Links on the loops' cycles that no earlier bundle contains.
     members : list of int
-        Links that their dependent joints move, of this or of an earlier bundle.
+        Links, of this or of an earlier bundle, that the loops' dependent joints move.
     before : list of int
         The bundles that move the links from which this one starts.
     """

@@ -1,9 +1,9 @@
 """The balance ``M dudot = d(K - M udot)``: inward and outward sweeps over directions.
 
 There are three sweeps per direction (section 3 of the theory page). The first goes outward and computes the tangent of
-the inverse dynamics at fixed udot (`inverse_dynamics.newton_euler_outward`). Inward, one sweep propagates its tangent
-and, in the same six numbers, the recursion of the bias force, with the factors of the triangularization. The third goes
-outward again: back substitution.
+the inverse dynamics at fixed udot (`inverse_dynamics.newton_euler_outward`). The second goes inward: the six numbers
+that it propagates are the tangent of the transmitted force plus the bias force of the solution, by the factors of the
+triangularization. The third goes outward again: back substitution.
 """
 
 from __future__ import annotations

@@ -72,8 +72,8 @@ class LineLaw:
         Force, N, as an expression of `MEASURES` and the coefficients. A positive force drives the points apart, so its
         power is force times rate.
     energy : str
-        Potential energy, J, as an expression of the distance and the coefficients. At rate 0 the force is minus its
-        derivative by the distance. Empty: the law has no energy.
+        Potential energy, J, as an expression of the distance and the coefficients. At rate 0 the force is minus the
+        derivative of the energy by the distance. Empty: the law has no energy.
     misspelt : dict of str to str
         Correct keys by keys that are mistaken for them.
     other_words : tuple of str

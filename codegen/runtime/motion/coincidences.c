@@ -49,7 +49,7 @@ static void note_coincidence(ordernm_motion *m, int e, int lost)
 }
 
 /* Whether an event counts as at the same time as the switches passed last: within AT_THE_SAME_TIME, or because errors of the state may
- * exchange them. The state is that of the event or of the switches. */
+ * reverse the order. The state is that of the event or of the switches. */
 static int coincides(ordernm_motion *m, int e, const scalar *row, scalar t, const scalar *z)
 {
     const ordernm_problem *const p = m->problem;
@@ -126,8 +126,8 @@ static int jump_from(ordernm_motion *m, int k, scalar mode, scalar *jump)
     return status;
 }
 
-/* Whether a switch is so near to a knot of the inputs that errors of the state may exchange them, and derivatives after both depend on the
- * order. `before` is the spline's piece before the knot; errors of switching functions must be known. */
+/* Whether a switch is so near to a knot of the inputs that errors of the state may reverse their order, and derivatives after both depend
+ * on this order. `before` is the spline's piece before the knot; errors of switching functions must be known. */
 static int depends_on_knot(ordernm_motion *m, int k, long before)
 {
     const scalar mode = m->modes[k], near = fmax(ROUNDED, ordernm_switch_error(m, k));

@@ -118,7 +118,7 @@ struct ordernm_motion {
     group *groups;            /* [ngroups + 1] the last one is the direction of the motion itself, see flow.c */
     int flowing;              /* whether derivatives along the last direction are computed */
     scalar flow_error, flow_step, flow_at; /* error along the last direction; size and start of the step that was tried last */
-    int flow_unknown;         /* whether its derivatives of rates must be computed anew at the start of the next step */
+    int flow_unknown;         /* whether derivatives of rates along the motion must be computed anew at the start of the next step */
     int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */
@@ -389,7 +389,7 @@ void ordernm_keep_step(const ordernm_motion *m, scalar h);
 /* points.c */
 typedef struct {
     int which;                /* index of the singular function */
-    scalar part;              /* position of its zero in the step */
+    scalar part;              /* position of the function's zero in the step */
     int before, after;        /* whether rates before and after the point use the current modes */
 } point;
 void ordernm_between(const ordernm_motion *m, scalar h, scalar x, scalar *z);

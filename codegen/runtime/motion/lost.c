@@ -311,7 +311,8 @@ static void add_shifts(ordernm_motion *m)
     }
 }
 
-/* Whether a direction shifts all zeros with which the motion begins by the same time, which is infinite for one at rest; see add_shifts. */
+/* Whether a direction shifts all zeros with which the motion begins by the same time. Zeros at rest are shifted by an infinite time; see
+ * add_shifts. */
 static int shifts_alike(const ordernm_motion *m, int i)
 {
     const scalar first = m->switch_time[i], last = m->passing_time[i], size = fabs(first) + fabs(last);
@@ -404,8 +405,8 @@ static int jumps_along(const ordernm_motion *m, int n, int lane)
     return 0;
 }
 
-/* A switch with a jump of rates at whose zero the motion ends without crossing it, or that errors of the state may pass; -1 if there is
- * none. */
+/* A switch with a jump of rates such that the motion ends at the switch's zero without crossing it, or errors of the state may decide
+ * whether it is crossed; -1 if there is none. */
 static int ends_at_switch(ordernm_motion *m)
 {
     if (m->t < m->problem->end || ordernm_find_switch_errors(m, m->t, m->z)) return -1;
@@ -416,8 +417,8 @@ static int ends_at_switch(ordernm_motion *m)
     return -1;
 }
 
-/* At the time of a switch, derivatives of results are those of one side. Records the directions for which both sides differ: they are NaN
- * in the recorded row. */
+/* At the time of a switch, derivatives of results are those of one side. Records the directions for which both sides differ: derivatives
+ * along these directions are NaN in the recorded row. */
 void ordernm_look_at_samples(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;

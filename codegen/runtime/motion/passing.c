@@ -30,8 +30,9 @@ static void count(ordernm_motion *m, int k)
 }
 
 /* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before the switch; `after`, and derivatives
- * along directions in z, receive the values after the switch. `left` is the number of switches in m->crossed that are passed after it; with
- * the last one, all other switches take the modes of their functions. Without `left` they keep theirs. Returns the status of a function. */
+ * along directions in z, receive the values after the switch. `left` is the number of switches in m->crossed that are passed later; if it
+ * is 0, all other switches take the modes of their functions. Without `left`, other switches keep their modes. Returns the status of a
+ * function. */
 static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int *left, scalar *speed)
 {
     const long n = m->ny + m->nx;
@@ -58,8 +59,8 @@ static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scala
 /* Whether derivatives are needed, forward or by the adjoint. */
 static int is_differentiated(const ordernm_motion *m) { return m->ngroups || m->results->steps; }
 
-/* Whether a switch counts as passed at the same time as those passed last: within AT_THE_SAME_TIME, or because errors of the state may
- * exchange them. `before` are the rates before the switch. */
+/* Whether a switch counts as passed at the same time as the switches passed last: within AT_THE_SAME_TIME, or because errors of the state
+ * may reverse the order. `before` are the rates before the switch. */
 static int joins(ordernm_motion *m, int k, const scalar *before)
 {
     scalar speed;

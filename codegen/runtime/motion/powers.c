@@ -93,8 +93,8 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
-/* The root at whose zero the motion begins with a speed; -1 if it begins at rest there, or also at another zero of a root. `some` receives
- * the last root at whose zero the motion begins, else -1. Marks the root as passed at the start. */
+/* The root at whose zero the motion begins with a speed; -1 if the motion begins at rest there, or if another root has another zero at the
+ * start. `some` receives the last root at whose zero the motion begins, else -1. Marks the root as passed at the start. */
 static int root_at_start(ordernm_motion *m, int *some)
 {
     const trial none = {.event = -1};
@@ -113,8 +113,8 @@ static int root_at_start(ordernm_motion *m, int *some)
 }
 
 /* If the motion begins with a speed at the zero of a root, the first step treats the root as one that was just passed. Rates of derivatives
- * along directions that move this zero are infinite at the start, but not needed: they become zero. Returns a root at whose zero the motion
- * begins otherwise, so that some derivatives may not exist; -1 if there is none. */
+ * along directions that move this zero are infinite at the start, but not needed: they are set to zero. Returns a root at whose zero the
+ * motion begins otherwise, so that some derivatives may not exist; -1 if there is none. */
 int ordernm_begin_at_root(ordernm_motion *m)
 {
     int some;

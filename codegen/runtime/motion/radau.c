@@ -74,9 +74,9 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = (int *)ordernm_take(&of, (n + 1)*sizeof(int));
     r->column = ordernm_numbers(&of, square);
     r->jacobian = ordernm_numbers(&of, (long)n*n);
-    /* Jacobians at the stages are formed if this takes fewer calls: all columns and S along every group, against at least three sweeps of
-     * every group. For larger orders, factors of three times the order cost more than sweeps (measured: 0.7 as much at order 8, twice as
-     * much at 35). */
+    /* Jacobians at the stages are formed if all columns, and S along every group, take fewer calls than three sweeps of every group, the
+     * least number of sweeps. For larger orders, factors of three times the order cost more than sweeps (measured: 0.7 as much at order 8,
+     * twice as much at 35). */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);

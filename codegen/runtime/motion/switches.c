@@ -146,8 +146,8 @@ static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scala
     return status;
 }
 
-/* For a switch without a mode whose function leaves zero where another switch changes its mode, as max(0, x) > 0 does with x > 0. The mode
- * becomes the sign of the function after this change. Returns the status of a function. */
+/* Gives a mode to a switch without one whose function leaves zero when another switch is passed: when x > 0 changes, so does max(0, x) > 0.
+ * The mode is the sign of the function after that switch. Returns the status of a function. */
 static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar speed;

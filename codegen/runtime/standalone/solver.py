@@ -629,7 +629,7 @@ class Solver(Package):
             not be the nearest one.
         tolerance : float, optional
             Largest acceleration of an equilibrium, rad/s^2 or m/s^2, relative to 1 plus the acceleration that a
-            displacement of 1 rad or 1 m would cause. Newton's method continues below it while it improves.
+            displacement of 1 rad or 1 m would cause. Newton's method continues below the tolerance while steps help.
 
         Returns
         -------
@@ -954,9 +954,9 @@ class Solver(Package):
     ) -> HessianProducts:  # fmt: skip
         """Return products of the Hessian of ``sum_i weights_i udot_i`` with directions, exact to rounding.
 
-        They are the changes of its gradient (`gradients`) along the directions. The function is generated on request,
-        with ``--functions``. In mechanisms with loops only the independent entries of dq and du are read; closure
-        determines the dependent ones, whose results are zero.
+        These are the changes of the sum's gradient (`gradients`) along the directions. The function is generated on
+        request, with ``--functions``. In mechanisms with loops only the independent entries of dq and du are read;
+        closure determines the dependent ones, whose results are zero.
 
         Parameters
         ----------
@@ -995,9 +995,8 @@ class Solver(Package):
     ) -> HessianProducts:  # fmt: skip
         """Return products of the Hessian of ``sum_i weights_i outputs_i`` with directions, exact to rounding.
 
-        They are the changes of its gradient (`output_gradients`) along the directions; see `hessian_products`. The
-        function is generated on request, with ``--functions``. No output of the
-        model may depend on accelerations.
+        These are the changes of the sum's gradient (`output_gradients`) along the directions; see `hessian_products`.
+        The function is generated on request, with ``--functions``. No output of the model may depend on accelerations.
 
         Parameters
         ----------
@@ -1036,8 +1035,8 @@ class Solver(Package):
     ) -> HessianProducts:  # fmt: skip
         """Return products of the Hessian of a weighted sum of kinetic and potential energy with directions, exact to rounding.
 
-        They are the changes of its gradient (`energy_gradients`) along the directions; see `hessian_products`. The
-        function is generated on request, with ``--functions``.
+        These are the changes of the sum's gradient (`energy_gradients`) along the directions; see `hessian_products`.
+        The function is generated on request, with ``--functions``.
 
         Parameters
         ----------
@@ -1076,9 +1075,9 @@ class Solver(Package):
     ) -> HessianProducts:  # fmt: skip
         """Return products of the Hessian of ``sum_i weights_i qdot_i`` with directions, exact to rounding.
 
-        They are the changes of its gradient (`coordinate_rate_gradients`) along the directions; see `hessian_products`.
-        They are zero unless the model has loops or quaternions. The function is generated on request, with
-        ``--functions``.
+        These are the changes of the sum's gradient (`coordinate_rate_gradients`) along the directions; see
+        `hessian_products`. They are zero unless the model has loops or quaternions. The function is generated on
+        request, with ``--functions``.
 
         Parameters
         ----------
@@ -1119,10 +1118,10 @@ class Solver(Package):
     ) -> HessianProducts:  # fmt: skip
         """Return products of the Hessian of a weighted sum of the assembled state with directions, exact to rounding.
 
-        They are the changes of its gradient (`assemble_gradients`) along the directions: second derivatives of dependent
-        coordinates and speeds. For loops, the function is generated on request, with ``--functions``; models with
-        quaternions also need `assemble_gradients`. If loops determine a part of a quaternion, directions must keep the loops
-        closed, as those of `assemble_sensitivities` do, and the Hessian is not symmetric.
+        These are the changes of the sum's gradient (`assemble_gradients`) along the directions: second derivatives of
+        dependent coordinates and speeds. For loops, the function is generated on request, with ``--functions``; models
+        with quaternions also need `assemble_gradients`. If loops determine a part of a quaternion, directions must keep
+        the loops closed, as those of `assemble_sensitivities` do, and the Hessian is not symmetric.
 
         Parameters
         ----------
@@ -1203,7 +1202,7 @@ class Solver(Package):
         """Return the Hessian of ``sum_i weights_i udot_i``, or of another weighted sum, exact to rounding.
 
         Each column is one product with a direction, see `hessian_products`. The matrix is symmetric to rounding,
-        unless loops determine a part of a quaternion or position: its entries then depend on each other.
+        unless loops determine a part of a quaternion or position, whose entries then depend on each other.
 
         Parameters
         ----------

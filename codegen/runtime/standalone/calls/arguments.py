@@ -295,7 +295,7 @@ class Seeds(NamedTuple):
         if any(c != k for c in counts.values()):
             seen = ", ".join(f"{name} {c}" for name, c in counts.items())
             raise ValueError(
-                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same ones"
+                f"the seeds have different numbers of directions: {seen}; the first axes must have equal lengths"
             )
         for seed in seeds.values():
             if seed.shape[1:-1] != batch:

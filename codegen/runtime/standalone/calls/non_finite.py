@@ -69,8 +69,8 @@ def units(f: Function, package: Mapping[str, Any]) -> dict[str, Array]:
 def outputs_without(
     opened: Opened, arrays: Mapping[str, Any], among: Collection[int], along: bool, certain: bool = False
 ) -> str:
-    """Names the outputs without a finite value or derivative in one state, and the variables; empty if all outputs are
-    finite and `certain` is set."""
+    """Names the outputs whose value or derivative is not finite in one state, and the variables of these derivatives;
+    empty if all outputs are finite and `certain` is set."""
     package = opened.package
     names = package["output_names"]
     f = opened.functions.get("output_sensitivities")

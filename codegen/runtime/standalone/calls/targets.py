@@ -31,7 +31,7 @@ class Opened:
     number : int
         Index of the partition.
     manifest : dict
-        Manifest of the partition: of the package, or its entry in "others".
+        Manifest of the partition: the package's own, or an entry of "others" in it.
     functions : dict of str to Function
     target : Target
     """

@@ -28,8 +28,8 @@ class Meshes:
         self._found: dict[str, Surface | None] = {}
 
     def surface(self, solid: Solid, alike: int = 1) -> Surface:
-        """The surface of a solid in its own frame; `alike` solids have it. A mesh that cannot be read becomes a small cube, with
-        a warning."""
+        """The surface of a solid in its own frame; `alike` solids have this surface. A mesh that cannot be read becomes
+        a small cube, with a warning."""
         if solid.type != "mesh":
             return surface_of(solid, alike)
         if solid.file not in self._found:

@@ -229,7 +229,7 @@ class Sampling:
         dq, du, doutputs = derivatives
         sample = Sample(t, q, u, outputs, self._p, self._held.copy(), dq, du, doutputs, self._dp, self._along.copy())
         held = self._values(self._controller.command(sample), t)
-        # also the next sample's control points: until then, its outputs have the inputs of this sample
+        # also the control points at the next sample, whose outputs are computed with the inputs of this sample
         own = slice(self._first[self._next], self._first[self._next + 2])
         if self._seeds is not None and self._controller.jacobian is not None:
             self._along = self._derivatives(self._controller.jacobian(sample), sample)

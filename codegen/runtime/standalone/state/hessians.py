@@ -95,8 +95,8 @@ class Hessians(Room):
         return found
 
     def _check_complete(self, given: tuple[Any, ...], seeds: tuple[Any, ...], dq: Array) -> None:
-        """Refuses directions that would open loops by turning a quaternion of which loops determine a part: along them, the
-        change of the gradient also depends on how assembly turns it back."""
+        """Refuses directions that would open loops by turning a quaternion of which loops determine a part. Along such
+        a direction, the change of the gradient also depends on how assembly turns the quaternion back."""
         partial = [i for i in self._arguments.quaternions if self._partial(i)]
         if not partial:
             return

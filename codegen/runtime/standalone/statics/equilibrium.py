@@ -36,7 +36,8 @@ SINGULAR = 1e-12
 """A singular value of the Jacobian is zero if it is below this fraction of the largest one."""
 
 NONE = 1e-14
-"""1/s^2: singular values below this are rounding errors of balanced forces; such an oscillation would take two years."""
+"""1/s^2: singular values below this are rounding errors of balanced forces. An oscillation with this value would take
+two years."""
 
 KEPT = 1e-8
 """Largest relative distance of a right side from the range of a singular Jacobian at which the equations count as solvable."""

@@ -36,12 +36,12 @@ class MassCondition(NamedTuple):
     Attributes
     ----------
     condition : float
-        Its largest eigenvalue over the smallest, in SI units.
+        Largest eigenvalue of the mass matrix over the smallest, in SI units.
     left : float
-        Inertia that a speed feels where all other joints are free, relative to its inertia where they are held; the
-        least of all speeds. The sweeps lose at most about as many digits as this number has zeros.
+        Inertia that a speed feels where all other joints are free, over its inertia where they are held: the smallest
+        ratio among all speeds. The sweeps lose at most about as many digits as this number has zeros.
     weakest : str
-        The speed with the least value.
+        The speed with the smallest ratio.
     """
 
     condition: float
