@@ -12,10 +12,13 @@ import pytest
 import codegen
 from codegen.cli import generate_main
 from codegen.mechanics.procedures import UnknownFunctionError
+from codegen.mechanics.procedures.choice import GROUPS, METHODS
 from codegen.model import load_model, parse_model
 from codegen.pipeline import write_solver
+from codegen.runtime.standalone.calls.functions import MADE_OF
 from codegen.runtime.standalone.errors import SingularForceError
 from codegen.runtime.standalone.files.compiler import find_compiler
+from codegen.runtime.standalone.solver import Solver
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = ("double_pendulum", "four_bar")
@@ -111,11 +114,19 @@ def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
         ("solve_mass", "no function 'solve_mass'; available are accelerations, "),
         ("mass", "no function 'mass'; available are .*, and the groups dynamics, rates, states"),
         ("bias_force", "no function 'bias_force'; available are .*assemble"),
+        ("point_jacobians", "point_jacobians is a method of solvers with frames: select frames; available are"),
     ],
 )
 def test_unknown_functions_are_told(function, said):
     with pytest.raises(UnknownFunctionError, match=said):
         write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[function])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_functions_to_select_for_methods_are_those_that_they_call(method):
+    assert hasattr(Solver, method)
+    selected = GROUPS.get(METHODS[method], (METHODS[method],))
+    assert not set(MADE_OF[method]).isdisjoint(selected)
 
 
 def test_no_functions_are_told():

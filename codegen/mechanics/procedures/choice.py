@@ -39,6 +39,15 @@ ALSO = {
 }  # fmt: skip
 """Methods of a solver that call a function with another name."""
 
+METHODS = {
+    **dict.fromkeys(
+        ("frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view"), "frames"
+    ),
+    **dict.fromkeys(("equilibrium", "linearize", "ode"), "statics"), "diagnose": "accelerations", "judge": "motion",
+    "hessians": "hessian_products",
+}  # fmt: skip
+"""Methods of a solver that consist of several calls, and the function or group to select for each of them."""
+
 
 NEEDED = {
     "state_rates": {"state_rate_sensitivities"},
@@ -89,9 +98,12 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
         of_word = {p.name for p in found if p.name in names or p.called in names}
         if not of_word and word not in ANYWAY:
             close = difflib.get_close_matches(word, [*known, *together], 1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            if word in METHODS:
+                hint = f"; {word} is a method of solvers with {METHODS[word]}: select {METHODS[word]}"
             raise UnknownFunctionError(
-                f"functions: the model has no function {word!r}{f'; did you mean {close[0]}?' if close else ''}; available are "
-                f"{', '.join(known)}, and the groups {', '.join(together)}",
+                f"functions: the model has no function {word!r}{hint}; available are {', '.join(known)}, and the groups "
+                f"{', '.join(together)}",
                 word,
             )
         wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
