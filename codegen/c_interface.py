@@ -23,7 +23,8 @@ NUMBERS = 10_000
 """Maximum length of an initial state that the header contains."""
 LINE = 100
 CLOSED = {8: ("1e-13", "1e-9"), 4: ("1e-6", "1e-4")}
-"""Residuals of loops by size of a scalar: the example program stops iterating at the first and accepts the second."""
+"""Two residuals of loops, by size of a scalar: the example program stops iterating at the first, and accepts up to the
+second."""
 
 
 def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class Elementary:
     branches : bool
         Whether the function has different formulas for the two signs of `switching`.
     jumps : bool
-        Whether its value jumps there.
+        Whether the value jumps where `switching` is zero.
     parity : int
         `EVEN`, `ODD` or 0.
     positive : {"", ALWAYS, LIKE_ITS_ARGUMENT}

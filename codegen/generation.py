@@ -64,14 +64,14 @@ def generate(
     target : {"c", "numpy", "both"}, optional
         The code that the package's `Solver` runs. Both are always written.
     layout : {"auto", "kinds", "unrolled"}, optional
-        One C function for each kind of link, called in loops, or one for each link. "auto" chooses the latter for small
+        One C function for each kind of link, called in loops, or one for each link. "auto" chooses "unrolled" for small
         models.
     partitions : {1, 2, 3, 4}, optional
-        Number of choices of independent coordinates that the package holds; fewer if no others close the loops. See
+        Number of choices of independent coordinates that the package holds; fewer if no further choice is found. See
         `Solver.use_partition`.
     reactions : bool, optional
-        Include `Solver.reactions` and `Solver.reaction_sensitivities`. If `functions` are chosen, name the latter
-        there.
+        Include `Solver.reactions` and `Solver.reaction_sensitivities`. If `functions` are chosen, derivatives are
+        included only if `functions` name them.
     frames : bool, optional
         Include `Solver.frames`, `Solver.points` and their derivatives.
     functions : sequence of str, or str with commas, optional

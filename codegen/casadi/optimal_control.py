@@ -41,7 +41,7 @@ class Collocation:
     nlp : dict
         Variables x, parameters p, objective f and constraints g, as `casadi.nlpsol` takes them.
     names : tuple of str
-        Names of the entries of y.
+        Names of the state's entries.
 
     Examples
     --------

@@ -64,7 +64,8 @@ def full_hessian(experiments: Sequence[Experiment], x: Array) -> Array:
 
 
 def covariance_of(hessian: Array, determined: Array) -> Array:
-    """The inverse of a Hessian (n, n) within the span of rows (k, n); NaN if it is not positive definite there."""
+    """The inverse of a Hessian (n, n) within the span of rows (k, n); NaN if the Hessian is not positive definite in
+    this span."""
     within = determined @ hessian @ determined.T
     if not np.isfinite(within).all() or np.linalg.eigvalsh((within + within.T) / 2).min(initial=1.0) <= 0.0:
         return np.full(hessian.shape, np.nan)

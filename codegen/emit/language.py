@@ -32,7 +32,7 @@ class Located:
         Type of the row, if the language has types.
     names : tuple of str
         Possible names of a variable for the component, best first: its names in the model. Empty if the component has
-        several meanings there.
+        several meanings in the model.
     """
 
     variable: str
@@ -150,7 +150,7 @@ class Language(ABC):
 
     @abstractmethod
     def constant(self, shape: int, constants: str, name: str) -> Located:
-        """Place of a constant, relative to the first of its owner."""
+        """Place of a constant, counted from the first constant of the same owner."""
 
     @abstractmethod
     def place_of_constants(self, index: int) -> int:

@@ -26,7 +26,7 @@ class KeptBeside(jinja2.BytecodeCache):
     A template is compiled again when the template, the options here, Jinja or Python have changed. Compilation takes a
     fifth of the time during which gcc waits; it is repeated each time if the folder is not writable. The kept files are
     code that runs. So a file is not read if it belongs to a user other than the owner of the templates or this process,
-    or if others can write to it.
+    or if other users can write to it.
 
     Parameters
     ----------

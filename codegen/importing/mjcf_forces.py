@@ -33,7 +33,7 @@ class Length:
     factors : dict of str to float
         By joint: ratio of its force to the force along this length.
     segments : list of (str, str, float)
-        For a tendon between points: both points, and the divisor of the force there.
+        For a tendon between points: for each segment both points, and the divisor of the force between them.
     """
 
     value: str

@@ -29,7 +29,7 @@ class SideFile:
     sections : dict of str to list of str
         Lines of each section.
     links : set of str
-        Links that it names; they are not merged with others.
+        Links that the file names; these links are not merged with other links.
     document : Document, optional
     """
 

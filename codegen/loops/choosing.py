@@ -144,8 +144,8 @@ def _poor(geometry: Geometry, found: Comparison, without_hints: Conditioning | N
 
 
 def independent_names(geometry: Geometry, speeds: Sequence[int], dependent: set[int]) -> Iterator[str]:
-    """Names under `independent` that lead to the same choice as nearly as possible; a quaternion joint is named
-    whole."""
+    """Names under `independent` with which the choice is the given one, or as near to it as possible; a quaternion
+    joint is named whole."""
     model = geometry.model
     bodies = dict.fromkeys(int(geometry.speed_body[s]) for s in speeds)
     for k in bodies:

@@ -128,7 +128,7 @@ class Sweep:
         self.motion = Motion(geometry, q, np.repeat(motions, len(q), axis=0))
 
     def run(self, order: Order) -> tuple[list[Draft], Open | None]:
-        """The ears before the first one that does not close by itself, and the reason for that; None if all close."""
+        """The ears before the first one that does not close by itself, and why it does not close; None if all close."""
         self.motion.restart()
         self.regular = np.ones(len(self.q), dtype=bool)
         drafts: list[Draft] = []

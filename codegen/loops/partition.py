@@ -276,7 +276,8 @@ class _Choice:
 def _redundancy(
     geometry: Geometry, chosen: Choice, q: Array, random: np.random.Generator, stuck: list[int]
 ) -> Redundancy:
-    """Drop redundant conditions where necessary (changes `geometry.kept`), and find parameters that open others.
+    """Drop redundant conditions where necessary (changes `geometry.kept`), and find parameters that open redundant
+    conditions.
 
     No condition of a stuck loop is dropped: if only one configuration is known and that is singular, conditions are
     redundant by chance.

@@ -1,9 +1,10 @@
 """Paths of loops through the tree, contracted across known joints.
 
-A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies separated only by
-known joints form one group. A loop then contains only the few joints that are still unknown, however long its cycle is.
-Each body of a group stores a link to an inboard body, with its frame or twist relative to that body. Links are shortened
-whenever they are followed (union-find). So the cost of all loops together is little more than proportional to the joints.
+A joint is known when its coordinates (or speeds) are given or have been found by an earlier loop. Bodies separated only
+by known joints form one group. A loop then contains only the few joints that are still unknown, however long its cycle
+is. Each body of a group stores a link to an inboard body, with its frame or twist relative to that body. Links are
+shortened whenever they are followed (union-find). So the cost of all loops together grows little faster than the number
+of joints.
 """
 
 from __future__ import annotations

@@ -255,8 +255,8 @@ class _Counter:
 
 @dataclass(slots=True)
 class _Links:
-    """Connections of a block with others: the places where each store writes (None for memory without a layout), and the
-    places from which each load may come."""
+    """Connections of a block with other blocks: the places where each store writes (None for memory without a layout),
+    and the places from which each load may come."""
 
     block: Block
     targets: list[set[Place] | None]

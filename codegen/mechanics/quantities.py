@@ -23,7 +23,7 @@ class Quantity:
     ----------
     name : str
     values, tangents : tuple of Step
-        Steps for the quantity, and for its tangent. The latter need complete seeds.
+        Steps for the quantity, and for its tangent. The steps for the tangent need complete seeds.
     energy : bool
         The steps add to the energies.
     pivots : bool

@@ -33,7 +33,7 @@ class Kink:
     Attributes
     ----------
     node : Expression
-        The node that is not smooth there.
+        The node that is not smooth at the jump.
     t : float or None
         Time in s; None if it depends on inputs.
     order : int

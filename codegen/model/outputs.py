@@ -139,7 +139,7 @@ TwoPoints = Annotated[tuple[PointOrName, PointOrName] | None, WrapValidator(_two
 
 
 def word(*allowed: str) -> Any:
-    """A type for one of some words, which may be omitted."""
+    """The type of an entry that may be one of the given words, or absent."""
     return Annotated[str | None, one_of(*allowed)]
 
 

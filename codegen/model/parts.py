@@ -66,7 +66,7 @@ class Given:
     at : Instance
         The entry of the submodel in that file.
     key : str
-        The number's key there, under ``with``.
+        The number's key in this entry, under ``with``.
     used : bool
         Whether the submodel has such a name.
     """

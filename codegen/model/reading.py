@@ -55,9 +55,9 @@ class Reader(Problems):
     used : set of str
         Names that occur in expressions.
     allowed : dict of str to dict
-        Names allowed in expressions by scope: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t) or ``motion``
-        (also coordinates and speeds). The scope ``measured`` adds positions and velocities of points to the latter; the scope
-        ``equations`` adds the coordinates of a point to the parameters.
+        Names allowed in expressions by scope: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t) or
+        ``motion`` (also coordinates and speeds). The scope ``measured`` adds positions and velocities of points to
+        ``motion``; the scope ``equations`` adds the coordinates of a point to the parameters.
     points : list of mapping
         Mappings of the points by name, once the points have been read.
     prescribed : dict of str to Tree

@@ -43,8 +43,8 @@ class Table:
     y : tuple of Expression
         Values: expressions of parameters in a linear table, otherwise numbers.
     kind : str
-        ``linear``, or ``cubic``: the natural spline, with a continuous second derivative that is zero at both ends; or the
-        periodic one.
+        ``linear``, or ``cubic``: the natural spline, with a continuous second derivative that is zero at both ends; or
+        a periodic spline.
     outside : str
         ``constant`` or ``linear`` beyond the first and last point; or ``periodic``: the last point is the first one again.
     """

@@ -256,7 +256,7 @@ class Expansion(Scope):
         self.stored_before: list[tuple[Store, str, Expr]] = []
         """All values that an earlier block has stored."""
         self.equal: dict[Symbol, Expr] = {}
-        """Values that equal others up to rounding, and have their tangents."""
+        """Values that equal another value up to rounding, and have the tangent of that value."""
         self._loaded: dict[Component, Expr] = {}
         self._named: dict[Expr, Expr] = {}
         self._named_up_to_sign: set[Hashable] = set()

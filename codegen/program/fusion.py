@@ -79,7 +79,7 @@ class _Fusion:
         return self.named(at)
 
     def named(self, at: Component) -> Expr:
-        """The known value of a place, named so that others can read it."""
+        """The known value of a place, named so that several statements can read it."""
         e = self.known[at]
         if self.pending.get(at, (None,))[0] is e:
             self.known[at] = self.let(f"{at[0].label}_{at[1]}", e, at[0].lanes)

@@ -33,8 +33,8 @@ class Limits:
     smallest: float
 
     def rounding(self, margin: float, power: int = 1) -> float:
-        """Convert a rounding margin from double precision, to one significant digit; `power`: of the rounding error in
-        the margin."""
+        """Convert a margin for rounding errors from double precision, to one significant digit. The margin grows with
+        the given power of the type's rounding error."""
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")
 
     def tiny(self, size: float, root: float) -> float:

@@ -122,7 +122,8 @@ class Bind:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """From here on an array is a copy in memory of the call, which may change; the original is called `given`."""
+    """From here on an array is a copy in memory of the call, whose entries may change; the original is called
+    `given`."""
 
     array: Array
     given: Array
@@ -285,7 +286,7 @@ class AllColumns:
     groups : str
         Columns on which a link works in the last sweep; see `mechanics.sweeps.Sweep.groups`.
     by_turns : tuple of str
-        Sweeps whose functions alternate with those of others.
+        Sweeps whose functions alternate with the functions of another sweep.
     """
 
     units: tuple[tuple[Array, int], ...]

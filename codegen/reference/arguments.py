@@ -237,9 +237,9 @@ class Arguments(ABC):
     def _along_independents(self, state: State, group: SpeedGroup) -> Array:
         """The part of a group's seeds that moves the group along its independent speeds, (k, n, 1).
 
-        A displacement relates to coordinates as a speed relates to qdot, and the qdot of the speeds of a group are mutually
-        perpendicular. So this part is the projection of the seeds on some of them. Changes of a quaternion's length are dropped
-        with the rest.
+        A displacement relates to coordinates as a speed relates to qdot, and the qdot of the speeds of a group are
+        mutually perpendicular. So this part is the projection of the seeds on the qdot of the independent speeds.
+        Changes of a quaternion's length are dropped with the rest.
         """
         seed = state.q.tangent[:, group.coordinates]
         kept = 0 * seed

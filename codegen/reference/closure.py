@@ -137,9 +137,11 @@ class Cut:
     def displacement_of_faces(
         self, pairs: Pairs, loop: Loop, defaults: dict[str, float], start: Terms, end: Terms
     ) -> Pair:
-        """The kept conditions of the displacements of the faces in their bodies due to parameters, (m, 1): a pair without value.
+        """The kept conditions for displacements of the faces in their bodies due to parameters, (m, 1): a pair without
+        value.
 
-        A face rotates with its joint's axis, which may depend on parameters; the rotation also moves points off its origin.
+        A face rotates with its joint's axis, which may depend on parameters; points off the face's origin then also
+        move.
         """
         axes = loop.axes or (None,)
         moved = []

@@ -1,4 +1,4 @@
-"""Other programs on the chain, and SciPy on trees with accelerations by ordernm: the final state of a motion.
+"""The final state of a motion by other programs: of the chain, and by SciPy, with ordernm's accelerations, of any tree.
 
 Each program has a function that imports the program; in `comparing` the programs take turns.
 """

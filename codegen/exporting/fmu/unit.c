@@ -473,7 +473,7 @@ int unit_step(unit *x, scalar t, scalar h)
     if (end > *x->stop + SAME_TIME*(1.0 + fabs(end)))
         return unit_say(x, UNIT_ERROR, "the step ends at %.9g s, after the stop time %.9g s of this simulation", end, *x->stop);
     const int status = unit_update(x);
-    if (status || !(end > *x->t)) return status; /* a step within the difference of both times has no effect */
+    if (status || !(end > *x->t)) return status; /* the instance may be at the end of a very short step already */
     begin(x, *x->t, end - *x->t);
     x->problem.end = end;
     const int straight = end - *x->t <= SMALLEST_STEP*(1.0 + fabs(end));

@@ -19,7 +19,7 @@ typedef struct {
     const char *const *variables;     /* names by value reference */
     const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
     const char *const *switches;      /* descriptions of all switches */
-    const int *indicators, *scheduled; /* [nindicators], [nscheduled] held switches: with an event indicator; at times known in advance */
+    const int *indicators, *scheduled; /* held switches: [nindicators] with an event indicator, [nscheduled] with times known in advance */
     int nindicators, nscheduled;
     int moved;                        /* loops depend on time, by prescribed motion */
     int method;                       /* of the integrator */

@@ -4,8 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-/* Limits of a step in which Newton's method follows a mechanism: the largest change of independent coordinates and prescribed inputs, in
- * rad or m, and of parameters, relative; the largest change of dependent coordinates; and the largest number of steps. */
+/* Limits of a step in which Newton's method follows a mechanism: the largest change of independent coordinates and prescribed inputs (rad
+ * or m) and of parameters (relative); the largest change of dependent coordinates; and the largest number of steps. */
 static const scalar AT_ONCE = 0.1, FAR = 0.5;
 enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
 

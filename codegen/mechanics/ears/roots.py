@@ -79,7 +79,7 @@ class Root(ABC):
         return Twist.zero()
 
     def measured_velocity(self) -> Twist:
-        """Velocity of the root that residuals measure, at the given speeds."""
+        """The root's velocity at the given speeds, for velocity residuals of loops."""
         return Twist.zero()
 
     def velocity_tangent(self, kept: bool) -> Vector:

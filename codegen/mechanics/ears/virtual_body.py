@@ -159,7 +159,7 @@ def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value]
 
 
 def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
-    """Adds the coupling of two links that belong rigidly to the base to the base's inertia."""
+    """Adds, to the base's inertia, the coupling of two links that belong rigidly to the base."""
     half = transpose([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
     whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
     carried = fields.region_inertia

@@ -67,8 +67,8 @@ class QuaternionJoint(LinkJoint):
         return self.x.load(MY_LANE, fields.turn(j))
 
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        # If loops determine some degrees of freedom of the rotation, dq keeps its given components along the others. If
-        # they determine none, dq stays as given, including its change of the quaternion's length.
+        # If loops determine some degrees of freedom of the rotation, dq keeps its components along the other degrees of
+        # freedom. If loops determine none, dq stays as given, including its change of the quaternion's length.
         if not any(j < 3 for j in found):
             return {}
         x, tag = self.x, "d Eq. 22"

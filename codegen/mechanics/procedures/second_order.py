@@ -210,7 +210,8 @@ class _Parts:
         return performed("tangents_of_values", "Tangents of the inverse dynamics, adjoints, tangents of M z.", steps)
 
     def gradients(self, into: tuple[Array, ...]) -> list[Step]:
-        """Add the contributions of formulas and of gravity to the gradient, of which blocks have stored the rest."""
+        """Add the contributions of formulas and of gravity to the gradient; blocks have stored all other
+        contributions."""
         seeds = tuple((self.w.one(f"d{n}"), a) for n, a in zip(self.w.state, into, strict=True))
         ground: list[Step] = []
         if varying_of_ground(self.w.system):

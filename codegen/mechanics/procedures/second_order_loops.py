@@ -151,7 +151,7 @@ class WithLoops:
         return (Prepare(RESTORED_ADJOINTS), *(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated))
 
     def _formula_gradients(self) -> list[Step]:
-        """Gradients that joint forces contribute by coordinates and speeds; added to the others."""
+        """Adds the contributions of joint forces to the gradients by coordinates and speeds."""
         if not self.w.forces:
             return []
         (tau_bar,) = (b for b in self.bars if b.name == "tau_bar")
@@ -190,7 +190,7 @@ class WithLoops:
 
     def _back_along(self, of: str, sweeps: Collection[str], after: tuple[Step, ...] = ()) -> Perform:
         steps = (Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps) if s in sweeps)
-        doc = "Tangents of the adjoints: the change of the gradient with the multipliers that are known."
+        doc = "Tangents of the adjoints for the multipliers known so far: the change of the gradient."
         return performed(f"tangents_of_{of}", doc, (*steps, *after))
 
     def _tangents(self) -> list[Step]:

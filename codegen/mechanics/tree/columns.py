@@ -153,7 +153,7 @@ def column_add(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_seed(x: Scope, kind: LinkKind) -> None:
-    """The force that a unit acceleration of a degree of freedom requires of everything outboard."""
+    """The force that everything outboard requires for a unit acceleration of a degree of freedom."""
     freedoms = range(kind.joint.freedoms)
     forces = [x.load(ME, fields.composite_force(j)) for j in freedoms]
     units = [x.entry(RIGHT_SIDE, j) for j in freedoms]

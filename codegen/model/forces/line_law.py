@@ -79,7 +79,7 @@ class LineLaw:
     other_words : tuple of str
         Other names of the type.
     formula, potential : Expression
-        `force` and `energy`, parsed. The latter is None without an energy.
+        `force` and `energy`, parsed; `potential` is None without an energy.
 
     Raises
     ------

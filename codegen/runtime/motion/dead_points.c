@@ -76,7 +76,7 @@ enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
 /* A zero is possible in an interval if the values at its ends are smaller than this factor times the change expected in the interval. */
 static const scalar STEEPER = 2.0;
 
-/* Resolution of positions, relative to the step: rounding and interpolation limit the condition number of closed loops there. */
+/* Resolution of positions, relative to the step: near a pose, rounding and interpolation limit the condition number of closed loops. */
 static const scalar FINE = 2e-3;
 
 /* Distances from the pose where a loop loses rank, relative to the step, at which the growth of dependent speeds is compared. At a dead

@@ -22,7 +22,7 @@ static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
  * loss of rank, and rounding errors dominate. */
 static const scalar POOR = 30.0, WORSE = 6.0;
 
-/* Starts to compute these derivatives, which are the last ones of a state. */
+/* Adds derivatives along the motion to the state, behind all others. */
 void ordernm_follow_flow(ordernm_motion *m)
 {
     m->flowing = 1;
@@ -36,7 +36,8 @@ void ordernm_set_flow(ordernm_motion *m)
     memcpy(m->z + m->groups[m->ngroups].at, m->rate[0], (m->ny + m->nx)*sizeof(scalar));
 }
 
-/* Derivatives of rates that are not those at the end of the previous step. Returns the status of a function. */
+/* Begins derivatives along the motion at the state; computes the rates there unless the method has left them. Returns the status of a
+ * function. */
 int ordernm_begin_flow(ordernm_motion *m)
 {
     ordernm_set_flow(m);

@@ -72,7 +72,7 @@ typedef struct {
     scalar factor[MOST_STAGES];
 } row;
 
-/* An integration method: from z, with the rates rate[0] there, to next. */
+/* An integration method: it makes a step from z, where the rates are rate[0], to next. */
 typedef struct {
     int stages;               /* number of stages of a step; rate[stages] is the rate at the end of the step */
     int all;                  /* number of stages including those of the interpolant */

@@ -62,7 +62,7 @@ static int form(ordernm_motion *m, scalar h)
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
 }
 
-/* Whether derivatives along a direction were found, or do not exist because rates have none; in the latter case sets them to NaN. */
+/* Whether derivatives along a direction were found, or do not exist because rates have none; if they do not exist, sets them to NaN. */
 static int has_values(const struct radau *r, const group *g, int lane)
 {
     int none = 0, finite = 1;

@@ -24,7 +24,7 @@ static const scalar SAME_SPEED = 1e-9;
 
 enum { FEW_REFUSED = 3 };
 
-/* Largest number of passes over switches whose functions depend on the modes of others. */
+/* Largest number of passes over switches whose functions depend on the modes of other switches. */
 enum { PASSES = 8 };
 
 static const scalar TURN_OF_A_STEP = 2.0; /* rad */
@@ -254,7 +254,7 @@ static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k
 static int choose_mode(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar *const rate = m->trial;
-    int status = ordernm_switching(m, t, z); /* with the modes so far: if one is a jump, later functions jump too */
+    int status = ordernm_switching(m, t, z); /* with the modes so far: after a jump of one function, later functions jump too */
     if (status) return status;
     const scalar g = m->switches[k];
     if (m->system->switch_kind[k] > ORDERNM_ROOT) {
@@ -326,8 +326,8 @@ int ordernm_errs_past_jump(ordernm_motion *m, int k)
     return fabs(m->switches[k]) <= ordernm_switch_error(m, k) && modes_differ(m, k);
 }
 
-/* Gives switches the modes of a motion just before its start, and stores those of the start in m->modes_before. Functions are evaluated
- * in several passes, because those that jump at the start, as mod does at the seam of a table, move the zeros of others. */
+/* Gives switches the modes of a motion just before its start, and stores those of the start in m->modes_before. Functions are evaluated in
+ * several passes, because those that jump at the start, as mod does at the seam of a table, move the zeros of other functions. */
 int ordernm_modes_before_start(ordernm_motion *m)
 {
     const ordernm_system *const s = m->system;

@@ -664,9 +664,9 @@ class Solver(Package):
 
         They are ``x' = A x + B dinputs`` and ``dy = C x + D dinputs``. The state x holds n small motions w along the
         independent speeds (``q.crank`` in ``state_names``), then n changes v of these speeds (``u.crank``). Small
-        motions of quaternions are small rotations about the axes of their speeds (``rotation.ball.wx``), and positions
-        of free joints move along theirs (``displacement.bus.vx``): ``dq = N w`` where ``qdot = N u``. So A has no
-        superfluous rows. Dependent coordinates and speeds follow from closure.
+        motions of quaternions are small rotations about the axes of their speeds (``rotation.ball.wx``), and small
+        motions of the positions of free joints are along the axes of their speeds (``displacement.bus.vx``): ``dq = N
+        w`` where ``qdot = N u``. So A has no superfluous rows. Dependent coordinates and speeds follow from closure.
 
         Parameters
         ----------

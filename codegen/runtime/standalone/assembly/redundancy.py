@@ -43,8 +43,8 @@ class Redundancy(Room):
     """Warns of directions that open redundant conditions, and of states in which dropped conditions are open."""
 
     def watch_calls(self) -> None:
-        """In packages with dropped loop conditions, makes direct calls of C test whether a state violates these
-        conditions."""
+        """Adds a test to direct calls of C in packages with dropped loop conditions: whether the state violates a
+        dropped condition."""
         if self._opened.manifest.get("dropped"):
             self.package._calls = WatchedCalls(self, self.package._calls)
 

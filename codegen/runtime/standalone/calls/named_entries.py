@@ -20,7 +20,7 @@ class Entry(NamedTuple):
     of : {"p", "q", "u", "inputs"}
         Parameters, initial coordinates or speeds, or inputs.
     at : int
-        Its index there.
+        Its index among these parameters, coordinates, speeds or inputs.
     row : int or None
         Index among an input's values; None for all of them, and for variables other than inputs.
     """

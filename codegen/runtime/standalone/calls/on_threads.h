@@ -7,7 +7,7 @@
  *     ON_THREADS          name of the function defined here, NAME_on_threads
  *
  * Threads wait actively for the next batch before they sleep, so that sharing pays for batches of 0.1 ms. Each thread has a share of
- * the states, always the same one because of its cache. It takes its share chunk by chunk, then chunks of others. A batch is open
+ * the states, always the same one because of its cache. It takes its share chunk by chunk, then chunks of other shares. A batch is open
  * while there are chunks left. The caller does not wait for threads that come too late. */
 #ifndef _POSIX_C_SOURCE
 #define _POSIX_C_SOURCE 200809L

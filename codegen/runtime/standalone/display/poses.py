@@ -71,12 +71,13 @@ class Poses:
         return np.broadcast_to(np.eye(3), (len(self.t), 3, 3)) if body == GROUND else self.rotation[:, body]
 
     def many(self, bodies: Indices, at: Array, i: int) -> Array:
-        """Points `at` (n, 3), one in each of n bodies, at time i in the ground frame, m."""
+        """Positions in the ground frame at time i, m: of the point at `at[k]` (n, 3) in body k of the n `bodies`."""
         rotation, position = self._with_ground(i)
         return np.asarray(np.einsum("kij,kj->ki", rotation[bodies], at) + position[bodies])
 
     def turned(self, bodies: Indices, rotation: Array, i: int) -> Array:
-        """Rotations (n, 3, 3), one in each of n bodies, at time i in the ground frame."""
+        """Rotations to the ground frame at time i (n, 3, 3): of the axes that `rotation[k]` turns to body k of the n
+        `bodies`."""
         return np.asarray(self._with_ground(i)[0][bodies] @ rotation)
 
     def _with_ground(self, i: int) -> tuple[Array, Array]:

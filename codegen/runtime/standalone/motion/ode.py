@@ -196,7 +196,7 @@ class Ode:
         return Closed(q, u, self._p, inputs, t)
 
     def _whole(self, y: Array, q: Array) -> Array:
-        """Coordinates with the independent ones of y and the others of q."""
+        """All coordinates: the independent ones from y, all others from q."""
         found = q.copy()
         found[..., self._q] = y[: len(self._q)].T
         return found

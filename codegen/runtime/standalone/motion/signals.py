@@ -26,9 +26,9 @@ FEWEST, MOST = 16, 4096
 """Smallest and largest number of pieces of the spline that approximates a function of time."""
 
 SAMPLED, BENT = 1e-10, 1e-7
-"""Tolerances of the approximation, tested at the last halving of the pieces: difference between function and spline,
-relative to the largest value; and between second derivatives of the last two splines, for signals of prescribed
-motion."""
+"""Tolerances of the approximation, tested at the last halving of the pieces. SAMPLED: difference between function and
+spline, relative to the largest value. BENT, for signals of prescribed motion: difference between the second derivatives
+of the last two splines."""
 
 Interval = tuple[float, float]
 

@@ -27,7 +27,8 @@ RADIUS = 0.5
 """rad or m: limit on the largest component of the first step; doubled after each successful step of that size."""
 
 POOR, GOOD = 0.5, 0.1
-"""Relative errors of the linear prediction of accelerations: largest one to accept a relaxation step, and to enlarge the next."""
+"""Relative errors of the linear prediction of accelerations: below POOR a relaxation step is accepted, below GOOD the
+next step is longer."""
 
 FINEST = 1e-16
 """rad or m: smallest step near an equilibrium."""

@@ -248,8 +248,8 @@ class Linearization:
         Warns
         -----
         RuntimeWarning
-            If a repeated eigenvalue splits into branches with different derivatives, or has too few eigenvectors. In
-            the latter case the derivative is NaN in both parts.
+            If a repeated eigenvalue splits into branches with different derivatives, or has too few eigenvectors. With
+            too few eigenvectors, the derivative is NaN in both parts.
 
         Notes
         -----
