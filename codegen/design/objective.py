@@ -502,7 +502,7 @@ def objective(
         Replaces the weights: ``combine(values) -> (value, dvalue/dvalues)`` with arrays (m,).
     q, u, p : array_like or mapping, optional
         Initial state and parameters where no variable determines them, as in `Solver.simulate`. Entries that a mapping
-        leaves out are the model's, which may depend on the variables.
+        leaves out have the model's values, which may depend on the variables.
     inputs : array_like, tuple, callable, spline or mapping, optional
         Inputs over time, as in `Solver.simulate`.
     method, integrator : str, optional

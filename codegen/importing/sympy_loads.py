@@ -55,7 +55,8 @@ def _add(found: SympySystem, name: str, **keys: Any) -> None:
 
 
 def _gravity(found: SympySystem, loads: list[Any]) -> list[Any] | None:
-    """The common acceleration of forces at all mass centres, which are removed from the loads; None if there is none."""
+    """Removes forces with one acceleration at all mass centres from the loads, and returns this acceleration; None
+    without it."""
     import sympy
 
     ground = next(f for f in found.frames.values() if f.name == GROUND)

@@ -236,7 +236,8 @@ def _jvp(kind: str, primals: Sequence[Any], tangents: Sequence[Any], *, of: Oper
 def _by_linear_operands(
     of: Operator, kind: str, x: Sequence[Any], rest: list[Any], moved: list[Any], seeds: Sequence[str]
 ) -> list[list[Any]]:
-    """Changes of `curved` or `crossed`, which are linear in two groups of operands, along tangents of both."""
+    """Changes of `curved` or `crossed` along tangents of two groups of operands; the function is linear in either
+    group."""
     split = 1 if kind == "curved" else len(rest) // 2
     found = []
     for begin, end in ((0, split), (split, len(rest))):

@@ -6,8 +6,9 @@ be met nearly, never exactly. Conditions are dropped until there are no more con
 choice is made once: the kept set must be well conditioned at several configurations. Conditions are taken along axes of
 the start face, because the plane of a planar loop and the centre of a spherical one are fixed there.
 
-A parameter may open redundant conditions, for instance one that shifts a revolute joint along its axis. Which parameters do is
-decided here from small changes of the joints' frames. No derivative of the generated code is computed this way.
+A parameter may open redundant conditions, for instance one that shifts a revolute joint along its axis. This module
+finds such parameters from small changes of the joints' frames. No derivative of the generated code is computed this
+way.
 """
 
 from __future__ import annotations

@@ -118,8 +118,8 @@ class Cut:
     def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
         """Residuals of position closure, (m, 1), in the order and scale of the rows.
 
-        Angular residuals are 2 sin(t/2) along the rows, where t is the remaining rotation. For universal joints, it is the cosine
-        between the axes.
+        Angular residuals are 2 sin(t/2) along the rows, where t is the remaining rotation. For universal joints, the
+        residual is the cosine between the axes.
         """
         if self.surfaces:
             return pairs.block([[value] for value, _, _ in self.surfaces])

@@ -12,7 +12,8 @@ static const scalar COSINE[2*N] = {1.0, 0.92387953251128674, 0.70710678118654752
     -0.70710678118654752, -0.92387953251128674, -1.0, -0.92387953251128674, -0.70710678118654752, -0.38268343236508977, 0.0,
     0.38268343236508977, 0.70710678118654752, 0.92387953251128674};
 
-/* Distance of an extremum from the level, relative to the polynomial's range, below which the output may cross the level there. */
+/* Distance of an extremum from the level, relative to the polynomial's range, below which the output may cross the level at the extremum.
+ * */
 static const scalar SHALLOW = 1e-3;
 
 /* Factor by which the last two coefficients bound the omitted coefficients. */

@@ -373,7 +373,7 @@ def _middles(steps: Array) -> Array:
 
 
 def _changes(f: LeastSquares, of: _Tangents, names: Sequence[str]) -> Array:
-    """Changes along the directions of the weights (nt, noutputs, r) with which least squares weigh outputs."""
+    """Changes (nt, noutputs, r), along the directions, of the weights with which least squares weigh outputs."""
     times = np.asarray(f.times, float)
     _, every = f.residuals(np.zeros((len(times), len(names))), names)
     weight = np.zeros((len(of.times), len(names)))
