@@ -25,10 +25,10 @@ VALID = re.compile(r"[A-Za-z](?:_?[A-Za-z0-9])*_?")
 def function(solver: Solver, name: str) -> Any:
     """Return a function of a solver as a function of CasADi, with exact derivatives.
 
-    The function is an external library, which is compiled once and kept in the user's cache. Its arguments are those of q, u,
-    p, inputs, t and udot on which it depends. In mechanisms with loops, q and u are the independent coordinates and speeds. The
-    loops are closed within the call, from the model's initial state, and derivatives include the closure. It may be
-    called from several threads.
+    The function is an external library, which is compiled once and kept in the user's cache. Its arguments are those of
+    q, u, p, inputs, t and udot on which it depends. In mechanisms with loops, q and u are the independent coordinates
+    and speeds. The loops are closed within the call, from the model's initial state, and derivatives include the
+    closure. The function may be called from several threads.
 
     Parameters
     ----------

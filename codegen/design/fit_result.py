@@ -49,8 +49,8 @@ class Fit:
     correlations : ndarray (n, n)
         Correlations of the values.
     hessian : ndarray (n, n) or None
-        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is the part of it
-        that would remain if the motion were linear in the variables.
+        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is the part of
+        them that would remain if the motion were linear in the variables.
     full_covariance : ndarray (n, n) or None
         Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if `hessian` is not positive definite.
     undetermined : tuple of dict of str to float
@@ -309,7 +309,7 @@ class Fit:
         Returns
         -------
         dict of str to float
-            Values in the model's units. If all are parameters, it is `p` of another call.
+            Values in the model's units. If all variables are parameters, it can be passed as `p` to another call.
 
         Examples
         --------

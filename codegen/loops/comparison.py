@@ -7,8 +7,8 @@ import math
 from ..records import dataclass
 
 ACCEPTED = 10.0
-"""Largest accepted ratio of the choice's condition number to that of pivoting. It costs one digit of sixteen; a cluster
-would cost a dense system."""
+"""Largest accepted ratio of the choice's condition number to that of pivoting. A ratio of this size costs one digit of
+sixteen; a cluster would cost a dense system."""
 
 WORTH_IT = 3.0
 """Factor by which the condition number of another choice must be smaller."""

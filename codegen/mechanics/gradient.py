@@ -1,10 +1,10 @@
 """The transpose of the balance, merged from six sweeps into two: one outward, one inward.
 
-The transpose of the balance's inward sweep goes outward and propagates virtual motions. It is merged with the sweep of
-accelerations. Its terms in transmitted forces are deferred (`codegen.program.transpose.deferred`), since these forces are only
-known on the way inward. The inward sweep merges the transmitted forces, the deferred terms, and the transposes of the outward
-sweep and of the completion of seeds (`codegen.program.fusion`). Gradients of coordinates are then stored once, and few values
-pass through memory.
+The transpose of the balance's inward sweep goes outward and propagates virtual motions. This transpose is merged with
+the sweep of accelerations. Terms in transmitted forces are deferred (`codegen.program.transpose.deferred`), since these
+forces are only known on the way inward. The inward sweep merges the transmitted forces, the deferred terms, and the
+transposes of the outward sweep and of the completion of seeds (`codegen.program.fusion`). Gradients of coordinates are
+then stored once, and few values pass through memory.
 
 Memory need not be cleared: the first contribution to a component assigns it, the others add.
 """

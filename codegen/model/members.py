@@ -159,7 +159,7 @@ class Coupling(Loop):
     """A relation between coordinates of joints: ``q_0 = r_1 q_1 + r_2 q_2 + ... + c``. It counts as a loop without faces.
 
     It is one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate. The first factor is 1;
-    the other factors are minus the ratios. Its faces are on the ground, and are never used.
+    the other factors are minus the ratios. The faces of a coupling are on the ground, and are never used.
 
     Attributes
     ----------

@@ -133,8 +133,9 @@ def _compared(by: Callable[[Real, Real], bool]) -> Callable[[Number, object], bo
 class Number(Expr):
     """A number. A double with an integer value is stored as the integer.
 
-    It equals plain numbers of the same value and has their hash. Two numbers of the same type and value are the same object. A
-    double and a fraction of the same value are different numbers, because sums with them round differently.
+    A number equals plain numbers of the same value and has their hash. Two numbers of the same type and value are the
+    same object. A double and a fraction of the same value are different numbers, because sums with them round
+    differently.
     """
 
     __slots__ = ("hash", "value")

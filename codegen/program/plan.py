@@ -88,7 +88,8 @@ class Ground:
     sweeps : tuple of str
         Sweeps that begin with the tangent.
     twice : list of (str, list of (float or str, int), list of (float or str, int, int))
-        Components whose tangents functions with second derivatives read: first and second derivatives, by parameter.
+        Components with tangents that functions with second derivatives read: their first and second derivatives, by
+        parameter.
     """
 
     fields: dict[str, float | str]

@@ -1,8 +1,8 @@
 """Forward over reverse: from a block of values to its tangent, its adjoint, and the tangent of its adjoint.
 
-The adjoint of a block is the transpose of its tangent, for one vector of weights: all of its values are scalars. Its tangent
-along directions gives products with second derivatives. Both tangents are made by the same function from the derivative
-primitives of the statements, so no second derivative is written by hand.
+The adjoint of a block is the transpose of its tangent, for one vector of weights: all of its values are scalars. The
+tangent of the adjoint along directions gives products with second derivatives. Both tangents are made by the same
+function from the derivative primitives of the statements, so no second derivative is written by hand.
 """
 
 from __future__ import annotations

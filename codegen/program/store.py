@@ -1,8 +1,8 @@
 """Stores: the memory, arguments and results that a block reads and writes.
 
-A store says which object's memory is accessed (`Owner`) and which sort of memory it is (`Memory`). The mechanics decides once
-where that lies; its stores are listed in `codegen.mechanics.stores`. This module has the stores that blocks of any program may
-use.
+A store says which object's memory is accessed (`Owner`) and which sort of memory it is (`Memory`). The mechanics
+decides once where the memory lies; the stores of the mechanics are listed in `codegen.mechanics.stores`. This module
+has the stores that blocks of any program may use.
 """
 
 from __future__ import annotations

@@ -207,7 +207,8 @@ def deferred(
 ) -> tuple[Block, Block]:
     """Split a block into a part that can run now and a part that needs scalars computed later.
 
-    The second part loads values per direction from the stores of the first part. Other values of the first part are saved for it.
+    The second part loads values per direction from the stores of the first part. Other values of the first part are
+    saved for the second part.
 
     Parameters
     ----------

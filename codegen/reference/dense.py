@@ -177,8 +177,8 @@ class DenseEngine(Engine):
         return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
     def _reactions(self, state: State, given: bool = True) -> Pair:
-        """Wrenches on the bodies that the file calls ``to``; if not `given`, on the end bodies in the order of the
-        engine."""
+        """Wrenches on the bodies that the file calls ``to``; if not `given`, on the bodies that the engine takes as
+        ends."""
         pairs = state.pairs
         if not self.model.loops:
             return pairs.zeros(0, 6)

@@ -1,9 +1,9 @@
 """Springs and dampers along and about three axes between two bodies, along the axes of the start.
 
-Let C be the rotation matrix of the end along the axes of the start, and c the cosine of its angle. Let a be its rotation axis
-times the sine of the angle: half of (C_zy - C_yz, C_xz - C_zx, C_yx - C_xy). The rotation vector is f a with f = atan2(s, c)/s,
-s = |a|. Let m be the derivative of an energy with respect to the rotation vector. Its derivative with respect to rotations of
-the end is
+Let C be the rotation matrix of the end along the axes of the start, and c the cosine of its angle. Let a be its
+rotation axis times the sine of the angle: half of (C_zy - C_yz, C_xz - C_zx, C_yx - C_xy). The rotation vector is f a
+with f = atan2(s, c)/s, s = |a|. Let m be the derivative of an energy with respect to the rotation vector. The
+derivative of this energy with respect to rotations of the end is
 
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 

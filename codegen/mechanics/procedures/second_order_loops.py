@@ -38,7 +38,7 @@ RESPONSE = run("response_out", "response_in", "balance_back", "response_forces",
 conditions."""
 
 POSES = ("rotations", "pose")
-"""Sweeps on which all others depend."""
+"""Sweeps on which all other sweeps depend."""
 
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
 OF_MASS = ("tree_motion", "wrenches", "tree_forces", "acceleration_gaps")

@@ -16,8 +16,8 @@ MAX_SIZE: Final = 20_000
 
 
 def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
-    """Read the section; expressions that are read later may contain the names. They are checked when all names are
-    known."""
+    """Read the section; expressions that are read later may contain the names. Named expressions are checked when all
+    names are known."""
     found = []
     for at in reader.section("expressions"):
         name = reader.key_name(at, "expression", "value")

@@ -127,7 +127,7 @@ struct ordernm_motion {
     scalar *trial, *zeros, *error[2];
     scalar *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     scalar *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
-    scalar *dt;               /* [LANES] zeros as seeds, since time is not differentiated here; transposes write to it */
+    scalar *dt;               /* [LANES] zeros as seeds, since time is not differentiated here; transposes write to this array */
     scalar *row;
     scalar *stages;           /* states of an explicit method's stages after the first: values, coordinates with loops closed */
     void *precise_work;

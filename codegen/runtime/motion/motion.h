@@ -21,7 +21,7 @@ extern "C" {
 /* ---- Contents of a generated package. ---- */
 
 /* Arguments and results of all functions of a package; each function uses some of them. Arrays whose names start with d are [n][width]: a
- * row for each entry, with a number for each direction. Transposes read derivatives there and write seeds. */
+ * row for each entry, with a number for each direction. Transposes read arrays of derivatives and write arrays of seeds. */
 typedef struct {
     const ordernm_scalar *q, *u, *p, *inputs;
     ordernm_scalar t;

@@ -125,8 +125,8 @@ class Assembly:
         return found
 
     def may_be_turned(self, q: Array) -> bool:
-        """Faster version of `is_turned` for one state (nq,). It may be true too often: with prescribed motion it ignores the
-        time."""
+        """Faster version of `is_turned` for one state (nq,). The result is true too often with prescribed motion,
+        because the time is ignored."""
         numbers = q.tolist()
         for i, initial in self._others:
             if numbers[i] != initial:

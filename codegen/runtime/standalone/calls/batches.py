@@ -42,7 +42,7 @@ WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30
 """Cost of each kind of operation, in units of an addition."""
 
 EVEN = 8
-"""The largest number of SIMD lanes. The parts of a batch are multiples of it."""
+"""The largest number of SIMD lanes. The numbers of states in the parts of a batch are multiples of this number."""
 
 MOST_SWEPT = 48_000
 """Doubles that the sweeps over directions use for one state. With more doubles, several states at once exceed the cache

@@ -347,7 +347,7 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
 def _changed(of: _Tangents, later: Array) -> tuple[Array, Array, Array]:
     """Gradients and their changes before a change of independent coordinates, from those after it (1 + r, nq + nu).
 
-    They are with respect to the independent entries (1 + r, free), the parameters and the inputs.
+    The results are with respect to the independent entries (1 + r, free), the parameters and the inputs.
     """
     nq, free, n_p = of.functions.nq, len(of.free), of.functions.np
     by = {
