@@ -14,7 +14,7 @@ import pytest
 from motion.models import Made, parsed
 from scipy.integrate import quad
 
-from codegen.runtime import At, Final
+from codegen.runtime import At, Final, SimulationError
 
 STARTS = """
 model: starts
@@ -309,6 +309,26 @@ def test_a_start_at_roots_without_derivatives(
     made: Callable[..., Made], law: str, options: Any, integrator: str, way: str
 ) -> None:
     solver: Any = made(parsed, ROOTS.replace("LAW", law)).solver
-    with pytest.warns(RuntimeWarning, match="do not exist and are NaN"):
+    with pytest.warns(RuntimeWarning, match="may not exist and are NaN"):
         found = solver.judge(1.5, Final("w"), wrt=["a", "q0.x", "u0.y"], method=way, integrator=integrator, **options)
     assert np.isnan(found.gradients[0, :2]).all() and found.gradients[0, 2] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_a_start_at_rest_between_forces_that_push_back(made: Callable[..., Made], integrator: str) -> None:
+    """Steps became ever smaller, up to a million of them, and the message advised looser tolerances."""
+    text = """
+model: held
+parameters: {f: 2.0, k: 3.0}
+bodies: {x: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}}
+forces: {x: {type: joint, joint: x, value: "f - k*if(q.x > 0, 1, 0)"}}
+outputs: {x: {value: q.x}}
+"""
+    solver: Any = made(parsed, text).solver
+    with pytest.raises(SimulationError, match=r"t = 0 s: where 0 >= q\.x in forces\.x\.value .* push the motion back"):
+        solver.simulate(0.8, method=integrator)
+    left = solver.simulate([0.0, 0.8], p={"k": 1.0}, method=integrator)
+    assert left.q[-1] == pytest.approx([0.5 * 0.8**2], rel=1e-12)
+    np.testing.assert_allclose(
+        solver.simulate([0.0, 0.8], p={"f": 0.0, "k": 0.0}, method=integrator).q[-1], 0.0, atol=0.0
+    )

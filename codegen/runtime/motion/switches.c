@@ -230,23 +230,27 @@ int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
     return status;
 }
 
-/* The mode of a switch whose function is zero at the start, with a zero rate. If the motion leaves this zero to the same side with both
- * modes, the mode is the sign of the function on that side; otherwise 0. */
-static scalar mode_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
+/* Sets the mode of a switch whose function is zero at the start, with a zero rate. If the motion leaves this zero to the same side with both
+ * modes, the mode is the sign of the function on that side; otherwise 0. Returns 0, or SLIDES if both modes drive the motion back. */
+static int choose_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
-    const scalar moment = MOMENT*(m->problem->end - m->problem->start);
+    const scalar duration = m->problem->end - m->problem->start, moment = MOMENT*duration;
     scalar *const rate = m->trial, *const later = m->error[0];
     scalar way[2];
-    for (int n = 0; n < 2; ++n) {
+    int status = 0;
+    for (int n = 0; n < 2 && !status; ++n) {
         m->modes[k] = 2*n - 1;
-        if (ordernm_rates_of(m, t, z, rate, 0, 0, RATES)) return 0.0;
+        status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES);
         memcpy(later, z, m->size*sizeof(scalar));
         for (int i = 0; i < m->ny; ++i) later[i] += moment*rate[i];
-        if (ordernm_rates_of(m, t + moment, later, rate, 0, 0, RATES)) return 0.0;
-        if (ordernm_switch_speed(m, t + moment, later, rate, k, way + n)) return 0.0;
+        if (!status) status = ordernm_rates_of(m, t + moment, later, rate, 0, 0, RATES);
+        if (!status) status = ordernm_switch_speed(m, t + moment, later, rate, k, way + n);
     }
-    const scalar leaves = sign_of(way[0]) == sign_of(way[1]) ? fmin(fabs(way[0]), fabs(way[1])) : 0.0;
-    return leaves*(m->problem->end - m->problem->start) > ROUNDED*MOMENT ? sign_of(way[0]) : 0.0; /* not by rounding errors */
+    m->modes[k] = 0.0;
+    if (status || fmin(fabs(way[0]), fabs(way[1]))*duration <= ROUNDED*MOMENT) return 0; /* the latter by rounding errors */
+    if (sign_of(way[0]) == sign_of(way[1])) m->modes[k] = sign_of(way[0]);
+    else if (way[0] > 0.0) m->results->component = k;
+    return way[0] > 0.0 && way[1] < 0.0 ? SLIDES : 0;
 }
 
 /* Sets the mode of a switch. Where its function is zero, its rates with all modes are compared. Returns 0, the status of a function, or
@@ -272,7 +276,8 @@ static int choose_mode(ordernm_motion *m, scalar t, const scalar *z, int k)
     }
     if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
     else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
-    else if (way[1] == 0.0) m->modes[k] = way[0] == 0.0 && way[2] == 0.0 ? mode_from_rest(m, t, z, k) : 0.0; /* rests at the switch */
+    else if (way[0] == 0.0 && way[1] == 0.0 && way[2] == 0.0) return choose_from_rest(m, t, z, k);
+    else if (way[1] == 0.0) m->modes[k] = 0.0; /* rests at the switch */
     else if (way[2] < 0.0) {
         m->results->component = k;
         return SLIDES;

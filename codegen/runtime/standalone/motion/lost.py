@@ -46,7 +46,8 @@ def why_lost(
     else:
         found = culprit(segment.opened, state, along=True)
         reason = f"derivatives of the rates are not finite{f': {found}' if found else ''}"
-    return f"from t = {state['t']:.9g} s on, derivatives of the motion by {', '.join(names)} do not exist and are NaN: {reason}"
+    lost = "do not exist and are NaN" if why in (RESTS, BEGINS, BENDS) else "may not exist and are NaN"
+    return f"from t = {state['t']:.9g} s on, derivatives of the motion by {', '.join(names)} {lost}: {reason}"
 
 
 def lost_names(derivatives: Array, known: set[str], names: Sequence[str]) -> list[str]:
