@@ -16,7 +16,7 @@ from ..records import dataclass
 
 
 def spelled(where: str, prefix: str = "") -> dict[str, str]:
-    """The text of elementary functions by their names in statements; see `codegen.elementary`."""
+    """Maps the names of elementary functions in statements to their text in the target; see `codegen.elementary`."""
     names = {e.spelled("symbol"): e.spelled(where) for e in TABLE.values()}
     return {symbol: f"{prefix}{name}" for symbol, name in names.items() if symbol and name}
 

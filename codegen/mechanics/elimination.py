@@ -1,7 +1,7 @@
 """Elimination from symmetric systems and back substitution: one algorithm for trees and loops. Eqs. 44-47, 53.
 
 Accelerations a of several unknowns require the force ``Q a + p``. A degree of freedom adds its acceleration times a column s to
-them, and the force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
+a, and the force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
 
     udot = r / D - G . a,    G = U / D,    r = tau - s . p,
 

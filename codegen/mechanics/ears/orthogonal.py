@@ -20,7 +20,7 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Smallest ratio of a column's squared norm after projection to that before; below it, rank is lost."""
+"""Rank is lost if projection leaves less than this fraction of a column's squared norm."""
 
 
 class RankLossError(ValueError):

@@ -135,7 +135,7 @@ class Element:
     ends : list of End
         Its attachment points, then the points that its coefficients read.
     axis : int
-        Index of the base vector of its faces that is its axis.
+        Index of the base vector of the faces that lies along the element's axis.
     slopes : dict of Symbol to list of (Expr, Expr)
         For formulas whose derivatives may be infinite: their operands, and the derivatives with respect to these.
     """

@@ -143,7 +143,7 @@ class ElementKind(SharedConstants):
     ends, oriented : tuple
         See `PlacedElement`; attachment points come first.
     axis : int
-        Index of the base vector of its faces that is its axis.
+        Index of the base vector of the faces that lies along the element's axis.
     forms : tuple of Tree
         See `PlacedElement`.
     model : Model

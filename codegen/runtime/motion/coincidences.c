@@ -48,7 +48,7 @@ static void note_coincidence(ordernm_motion *m, int e, int lost)
     r->event_ordered |= lost;
 }
 
-/* Whether an event counts as at the same time as the switches passed last: within AT_THE_SAME_TIME, or because errors of the state may
+/* Whether an event counts as simultaneous with the switches passed last: within AT_THE_SAME_TIME, or because errors of the state may
  * reverse the order. The state is that of the event or of the switches. */
 static int coincides(ordernm_motion *m, int e, const scalar *row, scalar t, const scalar *z)
 {
@@ -79,7 +79,7 @@ static int describe_side(ordernm_motion *m, scalar t, const scalar *values, int 
     return status;
 }
 
-/* Compares an event's rows on both sides of the switches at a state: that of the event or of the switches. */
+/* Compares an event's rows on both sides of the switches, at the state of the event or of the switches. */
 static int compare_at(ordernm_motion *m, int e, scalar *row, scalar t, const scalar *z)
 {
     if (!coincides(m, e, row, t, z)) return 0;

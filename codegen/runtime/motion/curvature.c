@@ -89,8 +89,8 @@ ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordern
 
 int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
 
-/* ---- Rows of Python's layout: the values, then the derivatives along each direction. In records follow, with loops, all coordinates,
- * and for trees the tangents of udot in lanes, group by group. ---- */
+/* ---- Rows of Python's layout: the values, then the derivatives along each direction. A record ends with all coordinates (models
+ * with loops), or with the tangents of udot in lanes, group by group (trees). ---- */
 
 static long size_of_rows(const ordernm_curvature *c) { return (1L + c->problem.ndirections)*c->n; }
 
@@ -207,7 +207,7 @@ int ordernm_hessians_state(ordernm_curvature *c, scalar t, scalar *to) { return 
 
 /* ---- Backwards. ---- */
 
-/* Adds gradients by inputs at a time to those by the values of their splines; `from` is 0 for values, 1 + k along direction k. */
+/* Converts gradients by inputs at a time to gradients by control points, and adds these; `from` is 0 for values, 1 + k for direction k. */
 static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int width, long from, int used, scalar factor)
 {
     ordernm_motion *const m = c->motion;
@@ -269,7 +269,7 @@ static void set_weights(ordernm_curvature *c, const scalar *kappa, const group *
         memcpy(c->weights + s->free_u[i]*width, kappa + (g ? g->at : 0) + (s->nfree_q + i)*width, width*sizeof(scalar));
 }
 
-/* Adds the adjoints of coordinates to those of speeds, which are their rates. */
+/* Adds the adjoints of coordinates to the adjoints of the speeds that are rates of these coordinates. */
 static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *nu, const group *g)
 {
     const int n = c->motion->system->nfree_q*(g ? g->width : 1);

@@ -28,9 +28,9 @@ int ordernm_jumped(const ordernm_motion *m, const scalar *z)
 
 /* ---- Dead points. ---- */
 
-/* Dependent speeds are undetermined if errors of the independent speeds change them by more than UNDETERMINED, and if they change by more
- * than ENLARGED per relative change of the independent speeds, both relative to the largest dependent speed. Loose tolerances alone do not
- * indicate a pose. Errors of independent speeds are at least BY_ROUNDING, relative to 1 and to the speeds. */
+/* Dependent speeds are undetermined if two of their changes, relative to the largest dependent speed, are too large: the change by errors
+ * of the independent speeds exceeds UNDETERMINED, and the change per relative change of the independent speeds exceeds ENLARGED. Loose
+ * tolerances alone do not indicate a pose. Errors of independent speeds are at least BY_ROUNDING, relative to 1 and to the speeds. */
 static const scalar UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
 
 /* Whether the dependent speeds are undetermined at a dead point of the independent coordinates. If a loop itself loses rank, dependent

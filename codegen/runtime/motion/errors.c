@@ -3,8 +3,8 @@
 
 #include <math.h>
 
-/* The error of a constant step is estimated if the difference of two rates in its middle, times the step and relative to the state,
- * is at least this number. */
+/* The error of a constant step is estimated if two rates in the middle of the step differ by at least this number. The difference is
+ * multiplied by the step size, and relative to the state. */
 static const scalar LOOKED_AT = 1e-6;
 
 /* Number of state entries with error control: integrated entries; if nothing is independent, also the predictions of dependent
@@ -35,7 +35,7 @@ static scalar of_both(scalar first, scalar second)
     return both > 0.0 || both != both ? first/sqrt(both) : 0.0;
 }
 
-/* The error of a step relative to the tolerance: the largest of the state and of each direction. */
+/* The error of a step relative to the tolerance: the largest error of the state and of all directions. */
 scalar ordernm_error_norm(const ordernm_motion *m, const scalar *next, const scalar *error, const scalar *second)
 {
     const ordernm_problem *const p = m->problem;

@@ -56,8 +56,8 @@ static int within(ordernm_motion *m, scalar h, scalar part, scalar *g)
     return ordernm_crossings(m, m->t + part*h, m->trial, g);
 }
 
-/* Finds the smallest distance of an output from its level between three places, of which the middle one is the nearest (simplified
- * Brent's method: vertex of a parabola, or a cut of the larger part). Ends beyond the level if it is crossed. */
+/* Finds the smallest distance of an output from its level between three places, of which the middle one is the nearest (simplified Brent's
+ * method: vertex of a parabola, or a cut of the larger part). Ends beyond the level if the output crosses the level. */
 static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3])
 {
     const scalar sign = g[1] > 0.0 ? 1.0 : -1.0;
@@ -83,8 +83,8 @@ static int nearest(ordernm_motion *m, scalar h, int e, scalar at[3], scalar g[3]
     return 0;
 }
 
-/* Looks at an extremum of a switching function on the side of its mode, the place i of n. If the function is zero there, or if errors of the
- * state may exceed its value, the motion touches the switch; not tested without derivatives. Returns the status of a function. */
+/* Looks at place i of n for an extremum of a switching function that has the sign of its mode. If the extremum is zero, or smaller than
+ * errors of the state may make it, the motion touches the switch. Does nothing without derivatives. Returns the status of a function. */
 static int look_at_touch(ordernm_motion *m, scalar h, int e, const scalar *x, const scalar *y, int i, int n)
 {
     const int number = e - m->problem->nevents, k = number < 0 ? 0 : m->held[number];
@@ -270,8 +270,8 @@ static scalar pace(const ordernm_motion *m, scalar h, int e)
     return (high - low)/h;
 }
 
-/* An event at a pose where a loop has lost rank, at which no step can end: its row is interpolated. If the motion does not stop there,
- * the step continues beyond the pose. */
+/* An event at a pose where a loop has lost rank. No step can end at such a pose, so the row of the event is interpolated. If the motion
+ * does not stop there, the step continues beyond the pose. */
 static int event_at_pose(ordernm_motion *m, scalar whole, scalar part, trial *step)
 {
     const ordernm_problem *const p = m->problem;
@@ -322,7 +322,8 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
     /* all events at this time count as passed, even if rounding has left the output before its level. The step is more accurate than its
-     * interpolant: events that only the step has passed count as well. Recent events remain passed. */
+     * interpolant, so an event that the step's end has passed counts even if the interpolant has not passed it. Recent events remain
+     * passed. */
     for (int e = 0; e < m->nwatched; ++e) {
         const int recent = fabs(m->crossing[e]) == BEHIND && part < 1e-9;
         if (m->part[e] <= part + 1e-13 || (crosses(m, e, m->crossing[e], m->after[e]) && !recent)) {

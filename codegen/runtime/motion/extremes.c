@@ -83,7 +83,7 @@ static int turns(const scalar *a, scalar *t)
     return count;
 }
 
-/* Increasing positions in the step of extrema at which an output may cross its level, zero, although its values at the points have the same
+/* Increasing positions in the step of extrema at which an output may cross its level (zero), although all its values at the points have one
  * sign. Returns the number of extrema, at most EVENT_SAMPLES. */
 int ordernm_extremes(const scalar *value, scalar *where)
 {

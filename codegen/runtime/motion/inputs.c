@@ -41,7 +41,7 @@ void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h)
     m->segment = middle < in->knots[in->degree] ? in->degree - 1 : middle > in->knots[in->count] ? in->count : low;
 }
 
-/* Finds the piece of the spline that follows the current time, which may be just before a knot. */
+/* Finds the piece of the spline that follows the current time. The time may be just before a knot. */
 void ordernm_find_next_segment(ordernm_motion *m)
 {
     ordernm_find_segment(m, m->t, fmin(1e-9*(1.0 + fabs(m->t)), ordernm_next_knot(m, m->t) - m->t));

@@ -80,7 +80,7 @@ typedef struct {
     int (*step)(ordernm_motion *m, scalar h, scalar *error);                   /* computes a step; error: relative to the tolerance */
     int (*complete)(ordernm_motion *m, scalar h);                              /* computes the stages of the interpolant */
     void (*interpolate)(ordernm_motion *m, scalar h, scalar theta, scalar *z); /* computes the state at t + theta h */
-    /* the following three for explicit methods only */
+    /* the next three members are for explicit methods only */
     const row *rows;          /* sums for the stages; the one with the number `stages` is the end of the step */
     const scalar *times;      /* times of the stages, relative to the step */
     void (*weights)(scalar theta, scalar *factor); /* factors of all rates in the state at t + theta h */
@@ -180,13 +180,13 @@ struct ordernm_motion {
     scalar beside_event[2];   /* one of the two times around the event, and the output minus the level at that time */
     scalar error_to_event;    /* error of the step that was repeated to end at the event */
     int root;                 /* switch at whose zero the tried step starts or ends, see powers.c; -1 for none, MANY_ROOTS */
-    int beside_power;         /* a power or root is zero so near to the step that rates may change as steeply as if they jumped */
+    int beside_power;         /* near the step, the function of a power or root is zero, and rates may change as steeply as in a jump */
     scalar root_end;          /* end of the last step that started or ended at the zero of a root; else -INFINITY */
     ordernm_results *results;
     scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
     scalar *fast, growth;     /* the direction in which rates change most, and its growth factor in the previous step */
     int fast_steps;           /* number of steps in which this direction is still monitored */
-    int far_steps, near_steps; /* numbers of consecutive steps in which an explicit method was, and was not, at its stability limit */
+    int far_steps, near_steps; /* numbers of consecutive steps of an explicit method at its stability limit, and below it */
     scalar error_before;      /* error of the previous step, relative to the tolerance; 0 at the start */
     scalar advice;            /* recommended factor on the next step size; 0: the error estimate determines the size */
     struct radau *radau;      /* data of Radau IIA, else 0 */
@@ -214,7 +214,7 @@ struct ordernm_motion {
     scalar *z_after;          /* the state after these switches, as if all were passed at once */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
     int *resting;             /* [nswitches] memory for switches at which the motion rests */
-    int nbent, *bent;         /* number of switches whose functions are zero, and change their rates, at the last knot; [nswitches] these */
+    int nbent, *bent;         /* number and indices of switches whose functions are zero and change their rates at the last knot */
     int npoints;              /* number of singular functions that are monitored */
     scalar *singular;         /* [5][nswitches] values of singular functions in the step */
     scalar singular_at;       /* the time of the last row of `singular`; NaN: the values are not known */
@@ -240,7 +240,7 @@ static const scalar LEAST_SIDE = 1e-300;
 /* Switches count as simultaneous if their times differ by less than this fraction of the motion's duration. */
 static const scalar AT_THE_SAME_TIME = 1e-9;
 
-/* Relative difference of derivatives, in units of their jumps, above which they depend on the order of simultaneous switches. */
+/* Difference of derivatives, relative to their jumps, above which the order of simultaneous switches matters. */
 static const scalar ORDER_MATTERS = 1e-6;
 
 enum { SLIDES = -1000, REFUSED = -1001 }; /* in addition to the status of functions: rates on both sides push back to a switch; at_knot has

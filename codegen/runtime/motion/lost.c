@@ -1,9 +1,9 @@
 /* Directions along which the motion has no derivative from a time on, although the motion itself continues.
  *
- * There are six causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the
- * motion rests, while perturbed motions use the branch on either side; singular points, see points.c; jumps of rates without a known
- * switch, as for atan2(y, x) where both arguments are zero; a start at a switch with a jump, on either side of which perturbed motions
- * start; and such a switch at a knot of the inputs, where its function changes its rate. A lost direction is NaN in results, and zero in the state. */
+ * There are six causes: derivatives of rates that are not finite, as for sqrt(abs(x)) where x stays at zero; a switch at which the motion
+ * rests, while perturbed motions use the branch on either side; singular points, see points.c; jumps of rates without a known switch, as
+ * for atan2(y, x) where both arguments are zero; a start at a switch with a jump, on either side of which perturbed motions start; and such
+ * a switch at a knot of the inputs, if the rate of its function changes there. Lost directions are NaN in results, zero in the state. */
 #include "radau.h"
 
 #include <math.h>
@@ -18,7 +18,7 @@ static const scalar MOVES = 1e-7;
 /* Fraction of the motion's duration within which a result is at the time of a switch. */
 static const scalar SAMPLED = 1e-12;
 
-/* The same limit at the start of the motion and at knots of inputs, where there are only rounding errors. */
+/* The same limit at the start of the motion and at knots of inputs, where only rounding errors occur. */
 static const scalar ROUNDED = 1e-12;
 
 /* A jump of a rate is suspected if the change between neighbouring stages is at least PART_OF_STEP of all changes in the step. The jump is
@@ -104,7 +104,7 @@ static int differ(const ordernm_motion *m, const group *g, int lane, const scala
     return !(apart <= AGREE*largest);
 }
 
-/* Rates along all groups; the modes of the resting switches are the signs of their changes along a direction, times `side`. */
+/* Rates along all groups; the mode of a resting switch is the sign of the change of its function along a direction, times `side`. */
 static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
 {
     for (int i = 0; i < count; ++i) m->modes[m->resting[i]] = side*m->speeds[i];
@@ -113,8 +113,8 @@ static int on_a_side(ordernm_motion *m, int count, scalar side, scalar *rates)
     return status;
 }
 
-/* A perturbed motion leaves a switch at which this motion rests, to either side. Along a direction there is a derivative only if the rates
- * on both sides agree with the rates at rest. */
+/* Where this motion rests at a switch, a perturbed motion leaves the switch to one side. Along a direction there is a derivative only if
+ * the rates on both sides agree with the rates at rest. */
 static void look_at_rest(ordernm_motion *m, scalar end)
 {
     scalar *const rest = m->at_pose, *const one = m->error[0], *const other = m->error[1];
@@ -295,7 +295,7 @@ static void look_at_powers(ordernm_motion *m, const trial *step)
     if (some) note(m, ORDERNM_PASSES, k);
 }
 
-/* Updates for each direction the first and the last time by which it shifts a zero with which the motion begins. */
+/* Updates the smallest and the largest time by which each direction shifts a zero at the start of the motion. */
 static void add_shifts(ordernm_motion *m)
 {
     for (int j = 0; j < m->nheld; ++j) {
@@ -311,7 +311,7 @@ static void add_shifts(ordernm_motion *m)
     }
 }
 
-/* Whether a direction shifts all zeros with which the motion begins by the same time. Zeros at rest are shifted by an infinite time; see
+/* Whether a direction shifts all zeros at the start of the motion by the same time. Zeros at rest are shifted by an infinite time; see
  * add_shifts. */
 static int shifts_alike(const ordernm_motion *m, int i)
 {
@@ -319,7 +319,7 @@ static int shifts_alike(const ordernm_motion *m, int i)
     return size < INFINITY && last - first <= AGREE*size;
 }
 
-/* Whether rates at the start are those just before it; finds the shifts of all zeros there, in the modes of both sides. */
+/* Whether rates are the same at the start and just before it; finds the shifts of all zeros at the start, in the modes of both sides. */
 static int begins_smoothly(ordernm_motion *m)
 {
     scalar *const before = m->error[0], *const after = m->error[1];
@@ -405,8 +405,8 @@ static int jumps_along(const ordernm_motion *m, int n, int lane)
     return 0;
 }
 
-/* A switch with a jump of rates such that the motion ends at the switch's zero without crossing it, or errors of the state may decide
- * whether it is crossed; -1 if there is none. */
+/* A switch with a jump of rates for which one of two conditions holds: the motion ends at the switch's zero without crossing the zero, or
+ * errors of the state may decide whether the motion crosses the zero. -1 if there is no such switch. */
 static int ends_at_switch(ordernm_motion *m)
 {
     if (m->t < m->problem->end || ordernm_find_switch_errors(m, m->t, m->z)) return -1;

@@ -33,7 +33,7 @@ typedef struct {
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
     const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents */
-    const ordernm_scalar *found_dudot; /* tangents of udot, which the forward run has found; the results follow */
+    const ordernm_scalar *found_dudot; /* tangents of udot, which the forward run has found; then come the results */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
     ordernm_scalar *work;
@@ -103,10 +103,10 @@ typedef struct {
 enum { ORDERNM_RK4, ORDERNM_DOP853, ORDERNM_RADAU };
 
 /* Inputs over time: a spline of any degree, such as 0 (steps), 1 or 3, as a sum of B-splines. Before the first knot and after the last one
- * it is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on nmoving inputs, the last 2*nmoving
- * inputs are the rates and accelerations of these, which are time derivatives of the spline. The control points are those of the other
- * inputs, the signals: nsignals = ninputs - 2*nmoving. The spline of a signal that prescribes motion must have a continuous rate, also at
- * its ends if the motion extends beyond them. */
+ * the spline is constant. Without knots, inputs are constant, and count is 1. If prescribed motion depends on nmoving inputs, the last
+ * 2*nmoving inputs are the rates and accelerations of these, which are time derivatives of the spline. The control points are those of the
+ * other inputs, the signals: nsignals = ninputs - 2*nmoving. The spline of a signal that prescribes motion must have a continuous rate,
+ * also at its ends if the motion extends beyond them. */
 enum { ORDERNM_MOST_DEGREE = 9 };
 
 typedef struct {
@@ -144,7 +144,7 @@ typedef struct {
     ordernm_scalar largest_step; /* 0: no limit */
     long most_steps;          /* 0: no limit */
     ordernm_scalar poor;      /* condition number of loops above which the motion stops with ORDERNM_POOR between steps; 0: no limit */
-    ordernm_scalar looked_at; /* until the condition number was below `poor`, the limit is three times looked_at */
+    ordernm_scalar looked_at; /* replaces `poor` by 3*looked_at until the condition number falls below `poor` */
     ordernm_scalar rtol;
     const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; followed by the nq coordinates if nothing is independent */
     const ordernm_scalar *atol_directions; /* [ndirections]: tolerances of sensitivities; 0: only errors of the state count */
@@ -175,7 +175,7 @@ enum {
 typedef struct {
     ordernm_scalar *rows;
     long capacity, count;
-    /* Rows of ordernm_step_size for ordernm_backwards; not stored if steps is 0. For ordernm_replay also the data of the method before
+    /* Rows of ordernm_step_size for ordernm_backwards; not stored if steps is 0. `known`, for ordernm_replay, are data of the method before
      * the first step, ordernm_known_size doubles; not stored if known is 0. */
     ordernm_scalar *steps, *known;
     long steps_capacity, steps_count;
@@ -191,8 +191,9 @@ typedef struct {
     ordernm_scalar *flat;
     long flat_capacity, flat_count;
     /* Directions along which derivatives no longer exist: a row of results in which these derivatives are NaN, the reason (see
-     * ORDERNM_INFINITE), and the switch or state entry. Without directions, only the first place at which this may happen. Not stored if
-     * lost is 0. Rows for results at the time of a switch are stored while more than ndirections rows are free. */
+     * ORDERNM_INFINITE), and the switch or state entry. A motion without directions stores only the first place where derivatives may cease
+     * to exist. Nothing is stored if lost is 0. Rows for results at the time of a switch are stored while more than ndirections rows are
+     * free. */
     ordernm_scalar *lost;
     int *lost_why;            /* [lost_capacity][2] */
     long lost_capacity, lost_count;
@@ -210,7 +211,7 @@ typedef struct {
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
     int late;                 /* 0, or 1 + index of a switch passed at a pose where a loop loses rank; no step can end at such a pose */
     ordernm_scalar late_at;   /* time of that switch; the branch before the switch was used for a tenth of a step longer */
-    int component;            /* the state entry that limited the step size or was not finite; or see the reasons for the end */
+    int component;            /* state entry that limited the step size or was not finite; for the meaning in other cases see the reasons */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set by the caller: functions in long double are not available */
     ordernm_scalar condition; /* the largest condition number of the closure matrices */
@@ -243,7 +244,7 @@ long ordernm_step_size(const ordernm_problem *problem);
 long ordernm_head_size(const ordernm_problem *problem);
 long ordernm_known_size(const ordernm_problem *problem);
 
-/* Starts a motion; the problem and all its arrays must remain unchanged, except by its at_knot. */
+/* Starts a motion. Only at_knot may change the problem and its arrays afterwards. */
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, ordernm_scalar *room);
 
 /* Continues: to the end, for about the given number of seconds (0 for any time), or until results are full. After ORDERNM_FULL, provide
@@ -265,8 +266,8 @@ typedef struct {
     long ntimes;
     const ordernm_scalar *times;      /* increasing times of the weighted outputs, which may differ from the times of results */
     const ordernm_scalar *weights;    /* [nfunctionals][ntimes][noutputs]; 0 for none */
-    long nbehind;                     /* of outputs after jumps with inputs or at switches, at events: their increasing times, as in the */
-    const ordernm_scalar *behind;     /* rows of events; steps start there */
+    long nbehind;                     /* number of times just after jumps at events, with weights of outputs */
+    const ordernm_scalar *behind;     /* these times, increasing, as in the rows of events; a step starts at each */
     const ordernm_scalar *behind_weights; /* [nfunctionals][nbehind][noutputs] weights of outputs at these times */
     const ordernm_scalar *time_weights; /* [nfunctionals][nbehind] weights of the times themselves, for times that a switch determines */
     const ordernm_scalar *integral_weights; /* [nfunctionals][nintegrals]; 0 for none */
@@ -289,8 +290,8 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
 int ordernm_backwards(ordernm_adjoint *adjoint, const ordernm_scalar *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
-/* Repeats stored steps. This needs the whole first row, which contains the state; the heads of all other rows, which are ORDERNM_STEP_HEAD
- * numbers and, in models with switches, modes and rates of crossed switches; and the data before the first step. */
+/* Repeats stored steps. The function reads the whole first row, the heads of all other rows, and the data before the first step. A head has
+ * ORDERNM_STEP_HEAD numbers and, in models with switches, modes and rates of crossed switches. */
 enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 
@@ -314,12 +315,11 @@ typedef struct {
 typedef struct ordernm_curvature ordernm_curvature;
 
 /* ordernm_hessians_room returns the number of doubles of memory. ordernm_tangents repeats steps that ordernm_go stored, in the order of
- * time, and stores the states at their stages, and the times and weights of integrands there: records [count][all], and [count][all][2],
- * both set to zero by the caller, where `all` is ordernm_hessians_stages, and a record has ordernm_hessians_record doubles. Parts of the
- * steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then gives the
- * record of the state at the end.
- * Then, for each functional: ordernm_hessians_turn, the parts backwards, and ordernm_hessians_end. Sources of integrands are
- * [count][all], or 0. */
+ * time. It stores the states at the stages of these steps as records [count][all], and the times and weights of integrands at the stages as
+ * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
+ * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
+ * gives the record of the state at the end. Then, for each functional: ordernm_hessians_turn, the parts backwards, and
+ * ordernm_hessians_end. Sources of integrands are [count][all], or 0. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);

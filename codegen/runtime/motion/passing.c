@@ -13,8 +13,8 @@
 /* Rate of a switching function at its zero, relative to the average rate in the step, below which the function only touches zero. */
 static const scalar GRAZING = 1e-9;
 
-/* Fractions of the motion's duration: switches passed within the first accumulate; if a switch is passed twice within the second, the
- * cause is rounding. */
+/* Fractions of the motion's duration: switches accumulate if they are passed within the first fraction; if a switch is passed twice within
+ * the second fraction, the cause is rounding. */
 static const scalar ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
 
 /* Counts switches with a jump that are passed repeatedly in a time that is negligible for the motion. Switches with kinks are not counted,
@@ -159,8 +159,8 @@ static void note_time(ordernm_motion *m, int k, int *timed)
     *timed = 1;
 }
 
-/* Whether a switch that was passed with the given rate of its function is only touched. This is the case if, within the time by which an
- * error of the state moves the zero, the rate changes its sign in the branch before the switch, whose rates are `before`. */
+/* Whether a switch that was passed with the given rate of its function is only touched. This is the case if the rate changes its sign
+ * within the time by which an error of the state moves the zero. The rate is that of the branch before the switch, with rates `before`. */
 static int grazes(ordernm_motion *m, int k, scalar speed, const scalar *before)
 {
     const scalar mode = m->modes[k];

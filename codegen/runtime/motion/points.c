@@ -9,7 +9,7 @@
 /* A singular function is evaluated at PARTS + 1 places of a step. If the function comes nearer to zero than a fraction of its largest value
  * in the step, its minimum is searched; a minimum below AT_POINT counts as zero. */
 enum { PARTS = 4, GOLDEN = 48 };
-static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* intervals at which a search ends, in general and for a first look at the cubic */
+static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* lengths of the interval at which a search, and a first look at the cubic, end */
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
 /* Distance from a step, in step lengths, within which zeros matter. A function outside of the step counts as zero below this fraction of
@@ -27,7 +27,7 @@ static const scalar CONVERGES = 0.8;
 /* Accuracy of limits, relative to the change at the nearest distance. */
 static const scalar BENT = 0.2;
 
-/* Distance of a stage from the point, relative to the step, below which it is at the point. */
+/* Distance of a stage from the point, relative to the step, below which the stage counts as at the point. */
 static const scalar HIT = 1e-12;
 
 /* Rates are equal if their relative difference is below SAME, or if its effect on the integrated state is below ROUNDING. */
@@ -238,8 +238,8 @@ static scalar rate_at_point(const ordernm_motion *m, const point *at, int set, l
     return at->before && at->after ? 0.5*(one + other) : one + other;
 }
 
-/* Whether a rate has no limit at the point, different limits on its two sides, or another value at a stage at the point, where formulas
- * may give anything. Differences must exceed rounding errors and, for derivatives, the errors of steps. */
+/* Whether a rate has no limit at the point, has different limits on its two sides, or has another value at a stage at the point. At the
+ * point, formulas may give any value. Differences must exceed rounding errors and, for derivatives, the errors of steps. */
 static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *at, long n, scalar allowed)
 {
     scalar *const *const sides = m->sides + set*SIDES;
@@ -263,7 +263,7 @@ static int is_rough_in(const ordernm_motion *m, int set, scalar h, const point *
     return (ends[0] - ends[1])*0.0 != 0.0 || (!(apart <= SAME*size) && !(h*apart <= allowed));
 }
 
-/* Whether some rates, every `width`-th number, are rough both near the point and farther away. */
+/* Whether one of some rates is rough both near the point and farther away. The rates are `width` numbers apart in z. */
 static int is_rough(const ordernm_motion *m, scalar h, const point *at, long first, int width)
 {
     const long end = first + (m->ny + m->nx)*width;

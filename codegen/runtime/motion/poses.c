@@ -65,8 +65,8 @@ int ordernm_find_pose(ordernm_motion *m, scalar h)
     return too_poor || fabs(time[worst] - found) < NEAR*h;
 }
 
-/* Largest effect of constants in double precision on errors, in units of their rounding times condition number^3; and smallest factor by
- * which an error caused by the step size decreases with the step. */
+/* Largest error that rounding of constants to double precision causes, per condition number^3. An error that the step size causes decreases
+ * at least by the factor LESS if the step decreases by the factor SMALLER. */
 static const scalar BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
 
 /* Whether rounding explains the error of a step across a pose: the error did not decrease with the step size, and is as small as errors of
@@ -83,7 +83,8 @@ int ordernm_rounded_at_pose(const ordernm_motion *m, scalar h, scalar error)
     return error*(m->problem->atol[0] + m->problem->rtol*size) < rounded;
 }
 
-/* The size of a step near a pose; h is its size elsewhere. With constant steps, one smaller step is made near the pose. */
+/* The size of a step near a pose; h is the size that the step would have elsewhere. With constant steps, one smaller step is made near the
+ * pose. */
 scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 {
     const scalar gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;
@@ -104,8 +105,8 @@ scalar ordernm_step_at_pose(const ordernm_motion *m, scalar h, scalar wall)
 static const scalar OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
 static const scalar SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
 
-/* Largest difference of the two interpolations, relative to the value or in tolerances; derivatives with a larger one do not exist at the
- * pose. The same holds if the difference of both sides grows towards the pose, as for 1/(t - pose). */
+/* Largest difference of the two interpolations, relative to the value or in tolerances; derivatives with a larger difference do not exist
+ * at the pose. The same holds if the difference of both sides grows towards the pose, as for 1/(t - pose). */
 static const scalar SAME = 1e-6, SAME_TOLERANCES = 1e3;
 
 /* Interpolates rows and states at the pose from rows and states near the pose. Returns -1 if values do not exist. */

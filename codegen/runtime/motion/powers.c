@@ -13,19 +13,19 @@ static const scalar FARTHEST = 5.0;
  * The value holds for a zero within one step length. Farther away it decreases with the third power of the distance. */
 static const scalar LARGER = 300.0;
 
-/* Step size, relative to the time in which the state changes by its size: shorter steps are not repeated, and no longer step ends at the
- * zero. Rounding may put the last stage beyond the zero, where derivatives of max(0, x)^1.1 are no longer small. */
+/* Step size, relative to the time in which the state changes by its size. A shorter step is not repeated. A longer step must not end at the
+ * zero: rounding may put the last stage beyond the zero, where derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
 /* A step that starts within this part of LEAST after the zero of a root, because another switch has cut the step before, counts as a step
  * that starts at the zero. */
 static const scalar STILL_THERE = 0.25;
 
-/* A step that ends at the zero with too large an error is repeated with TOWARDS times its size. Constant steps have no error estimate: all
- * are repeated over HALF, and after the zero no step is longer than EVEN times the distance to the zero. */
+/* A step that ends at the zero with too large an error is repeated with TOWARDS times its size. A constant step has no error estimate: it
+ * is always repeated with HALF its size, and after the zero no step is longer than EVEN times the distance to the zero. */
 static const scalar TOWARDS = 0.8, HALF = 0.5, EVEN = 0.99;
 
-/* Distance between an end of the step and the zero of the switch with the monitored function e, in step lengths, by its local rate. */
+/* Distance between an end of the step and the zero of the monitored function e, in step lengths; found from the rate of e at this end. */
 static scalar distance(const ordernm_motion *m, int e, int last)
 {
     const scalar at_end = last ? m->after[e] : m->crossing[e], inside = m->samples[(last ? EVENT_SAMPLES - 1 : 0)*m->nwatched + e];
@@ -168,9 +168,9 @@ scalar ordernm_error_beside_powers(ordernm_motion *m, const trial *step, scalar 
     return 0.0;
 }
 
-/* Derivatives after a step that starts or ends at the zero of a root. Perturbed motions reach the zero at a time that differs by dt, and
- * are the same otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are negligible for such a short step. Returns the status of
- * a function. */
+/* Derivatives after a step that starts or ends at the zero of a root. Perturbed motions reach the zero at a time that differs by dt, and do
+ * not differ otherwise: S+ = S + (f - f+) dt. Other changes of derivatives are negligible for such a short step. Returns the status of a
+ * function. */
 int ordernm_beside_root(ordernm_motion *m, const trial *step)
 {
     scalar *const before = m->error[0], *const after = m->error[1], speed;

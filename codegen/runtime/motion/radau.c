@@ -35,13 +35,13 @@ static const scalar KEEP_BELOW = 1.2;
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
-/* The previous step says nothing about stages and convergence if a step is longer by a larger factor, for example after an event. */
+/* If a step exceeds the previous one by a larger factor, such as after an event, stages and convergence of the previous one do not help. */
 static const scalar FARTHEST = 10.0;
 
 /* ---- Memory. ---- */
 
-/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations. Returns the number of bytes; only this
- * if `at` is 0. */
+/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations. Returns the number of bytes; does
+ * nothing else if `at` is 0. */
 size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
 {
     memory of = {(char *)at, 0};
@@ -57,7 +57,7 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
     return of.used;
 }
 
-/* Lays out the method's own memory, aligned to a cache line. Returns the number of bytes; only this if `at` is 0. */
+/* Lays out the method's own memory, aligned to a cache line. Returns the number of bytes; does nothing else if `at` is 0. */
 size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 {
     memory of = {(char *)at, 0};
@@ -74,9 +74,9 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = (int *)ordernm_take(&of, (n + 1)*sizeof(int));
     r->column = ordernm_numbers(&of, square);
     r->jacobian = ordernm_numbers(&of, (long)n*n);
-    /* Jacobians at the stages are formed if all columns, and S along every group, take fewer calls than three sweeps of every group, the
-     * least number of sweeps. For larger orders, factors of three times the order cost more than sweeps (measured: 0.7 as much at order 8,
-     * twice as much at 35). */
+    /* Jacobians at the stages are formed if they need fewer calls than sweeps do. Jacobians need calls for all columns, and for S along
+     * every group; sweeps need at least three calls for every group. For larger orders, factors of three times the order cost more than
+     * sweeps (measured: 0.7 as much at order 8, twice as much at 35). */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
@@ -183,7 +183,7 @@ static int iterate(ordernm_motion *m, scalar h, scalar limit, scalar usual)
             r->slowness = r->theta/(1.0 - r->theta);
             const scalar end = fixed ? 0.0 : r->slowness*size*pow(r->theta, ITERATIONS - 1 - k);
             if (end > limit && end > usual) {
-                /* Too many iterations would be needed: reduces the step by the same factor. */
+                /* Too many iterations would be needed: reduces the step. */
                 const scalar excess = fmin(fmax(end/limit, 1e-4), 20.0);
                 m->advice = 0.8*pow(excess, -1.0/(4 + ITERATIONS - 1 - k));
                 return DIVERGED;
@@ -375,7 +375,7 @@ static int radau_step(ordernm_motion *m, scalar h, scalar *error)
     if (status) return status;
     scalar limit, usual;
     limits(m, &limit, &usual);
-    /* beside powers, errors far below the tolerances limit the step, see powers.c */
+    /* near the zero of a power, even errors far below the tolerances limit the step; see powers.c */
     if (!follows(r, h) || (m->derived && m->beside_power)) r->slowness = 1.0;
     extrapolate(m, h);
     status = stages(m, h, limit, usual);

@@ -31,15 +31,15 @@ struct radau {
     scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the last accepted one */
     scalar *right[STAGES], *scratch[5];   /* [n][LANES] */
     scalar *scale;            /* [n] tolerances */
-    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages was not finite; it is replaced by zeros */
+    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages was not finite and is replaced by zeros */
     int tried, jacobian_here; /* jacobian_here: J was computed at z */
-    int formed_here;          /* the Jacobian at the last stage of the previous step is that at z */
+    int formed_here;          /* the Jacobian at z is known: it was formed at the last stage of the previous step */
     long segment;             /* piece of the inputs' spline in the last tried step */
     long accepted;            /* number of accepted steps with a stored Z */
     scalar h_last, h_tried, t_tried;
     scalar leniency;          /* largest accepted error estimate, relative to the tolerance of the solution */
     scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
-    scalar flow_slowness;     /* the same of sweeps along the motion itself */
+    scalar flow_slowness;     /* the same number for sweeps along the motion itself */
     scalar slowness_before;   /* slowness at the start of Newton's method in this step */
     scalar *of_jacobian;      /* [values] the state at which J was computed */
     scalar t_of_jacobian;

@@ -23,7 +23,7 @@ enum {
     OLD = 0, FRESH, FORMED    /* kinds of factors: of an earlier step, of this step, of the stages' own Jacobians */
 };
 
-/* Relative change of the solution by a round at which it has converged. */
+/* Relative change in a round below which the solution has converged. */
 static const scalar FOUND = 1e-13;
 
 /* For each kind of factors: slowest decrease of changes per round; and change at which rounding may prevent a further decrease. */

@@ -33,8 +33,7 @@ int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, sc
 }
 
 /* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the complex
- * value. The column of J for such a coordinate, divided by s, is added to the column of the partner; the column times b[e]/s is added to
- * the right side. */
+ * value. The column of J for e, divided by s, is added to the column of the partner; the column times b[e]/s is added to the right side. */
 static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;
@@ -277,8 +276,8 @@ void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const 
 
 /* ---- The equations of all stages at once, each with its own Jacobian. ---- */
 
-/* A^-1 dZ/h - J dZ at each stage with its own J, all three at once. Coordinates whose rates are speeds equal h A times the speeds plus
- * their own right sides. Returns 1 if the matrix is singular. */
+/* A^-1 dZ/h - J dZ at each stage with its own J, all three at once. If the rate of a coordinate is a speed, dZ of the coordinate is h A
+ * times dZ of the speed, plus the coordinate's right side. Returns 1 if the matrix is singular. */
 int ordernm_radau_factorise_stages(struct radau *r, scalar h)
 {
     const int n = r->n;
@@ -299,7 +298,7 @@ int ordernm_radau_factorise_stages(struct radau *r, scalar h)
     return ordernm_factorise(size, r->whole, r->whole_pivot);
 }
 
-/* dZ of a group, from `at` on, from the rates along S in r->along. */
+/* Computes dZ of a group, which begins at `at`, by the rates along S in r->along. */
 static inline void solve_stages_lanes(ordernm_motion *m, scalar h, long at, int width)
 {
     const struct radau *const r = m->radau;
@@ -344,8 +343,8 @@ void ordernm_radau_solve_stages(ordernm_motion *m, scalar h, long at, int width)
     else solve_stages_lanes(m, h, at, width);
 }
 
-/* mu[i], [n][width], from right sides to solutions of M^T mu = right, where M = A^-1/h - J is the matrix of the equations for changes of
- * the stages. */
+/* Replaces the right sides in mu[i], [n][width], by the solutions of M^T mu = right, where M = A^-1/h - J is the matrix of the equations
+ * for changes of the stages. */
 void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *const *mu, int width)
 {
     const reduction *const by = &r->of_stages;

@@ -131,7 +131,7 @@ static int sweep(ordernm_motion *m, scalar h, const group *g, int closed, scalar
 
 /* Solves for the derivatives at the stages along a group, by sweeps or with the Jacobians at the stages. `formed`: whether another group
  * has formed these Jacobians in this step. For the direction of the motion itself, the choice does not depend on other directions. So steps
- * do not depend on them, either. */
+ * do not depend on other directions, either. */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed)
 {
     struct radau *const r = m->radau;

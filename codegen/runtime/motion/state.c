@@ -6,7 +6,7 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* Residual that one more Newton step leaves: its square, times the condition number of the closure. */
+/* Residual after one more Newton step: the square of the present residual, times the condition number of the closure. */
 static const scalar CLOSED = 1e-15;
 
 /* Scaled residual due to rounding of coordinates; angles after many turns are less accurate. */
@@ -62,8 +62,8 @@ void ordernm_expand(ordernm_motion *m, const scalar *z)
     for (int i = 0; i < m->nd; ++i) m->q[m->dependent[i]] = predicted[i];
 }
 
-/* Arguments of functions at a state: m->q and m->u, or z itself if it has this layout. Written through a pointer, because a returned
- * struct would be copied right after its parts were written, which stalls processors. */
+/* Writes the arguments of functions at a state to c: m->q and m->u, or parts of z if its layout is the same. A returned struct would be
+ * copied right after its parts were written, which stalls processors. */
 void ordernm_arguments(ordernm_motion *m, scalar t, const scalar *z, ordernm_call *c)
 {
     ordernm_expand(m, z);

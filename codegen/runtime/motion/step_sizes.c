@@ -6,11 +6,12 @@
 
 static const scalar SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
-/* Influence of the previous step's error on the step size: with it, and SAFETY, a third as many steps are rejected, and a given error
- * takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
+/* Influence of the previous step's error on the step size (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). MEMORY and SAFETY reduce
+ * the number of rejected steps to a third, and the evaluations for a given error by 7 %. */
 static const scalar MEMORY = 0.04, LEAST_REMEMBERED = 1e-4;
 
-/* For DOP853: the stability limit; the number of steps at the limit that counts as stiff, and of other steps that resets this number. */
+/* For DOP853: the stability limit; the number of steps at the limit that counts as stiff; and the number of other steps that resets the
+ * count. */
 static const scalar LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 

@@ -146,8 +146,8 @@ static int is_at_zero(ordernm_motion *m, scalar t, const scalar *z, int k, scala
     return status;
 }
 
-/* Gives a mode to a switch without one whose function leaves zero when another switch is passed: when x > 0 changes, so does max(0, x) > 0.
- * The mode is the sign of the function after that switch. Returns the status of a function. */
+/* Gives a mode to switch k if it has none and its function leaves zero when another switch is passed. For example, max(0, x) > 0 changes
+ * when x > 0 does. The mode is the sign of the function after the other switch is passed. Returns the status of a function. */
 static int leave_zero(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     scalar speed;
@@ -191,8 +191,8 @@ int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *c
 }
 
 /* Removes switches from m->crossed whose functions have jumped away from zero, because the mode of switch k has changed: at the seam of a
- * periodic table, these are all switches that compare its reduced argument. Their modes follow. `before` has the functions with the mode
- * before. Returns the status of a function. */
+ * periodic table, these are all switches that compare its reduced argument. Sets the modes of these switches. `before` contains the
+ * functions for the old mode of switch k. Returns the status of a function. */
 int ordernm_remove_jumped(ordernm_motion *m, int k, const scalar *before, int *left)
 {
     int status = ordernm_switching(m, m->t, m->z);

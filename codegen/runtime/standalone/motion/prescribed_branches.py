@@ -21,7 +21,8 @@ def before_kinks(
     manifest: Mapping[str, Any], known: dict[Any, tuple[float, str] | None], start: float, end: float, times: Array, p: Array,
     inputs: Inputs,
 ) -> tuple[float, Array, str]:  # fmt: skip
-    """End time and result times before the first kink of prescribed motion, and the reason, if there is a kink.
+    """End time and result times before the first kink of prescribed motion, and the reason for an earlier end, if there
+    is a kink.
 
     `known` stores kinks that have already been found.
 
