@@ -39,6 +39,7 @@ CASES = {
     "two functions": (TREE + OUTPUTS, {"functions": ("accelerations", "outputs")}),
     "energies of a loop": (TREE + LOOP, {"functions": ("energies",)}),
     "gradients alone": (TREE, {"functions": ("gradients", "inverse_dynamics")}),
+    "motions without derivatives": (TREE + OUTPUTS, {"functions": ("state_rates",)}),
     "prescribed": (TREE + "motion: {lower: 0.3*sin(t)}\n", {}),
     "single precision": (TREE, {"scalar": "float32"}),
 }

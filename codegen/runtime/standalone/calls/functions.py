@@ -104,7 +104,7 @@ MADE_OF = {
     **dict.fromkeys(("equilibrium", "linearize", "ode"), (
         "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     )),
-    **dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step")),
+    "simulate": ("state_rates", "closing_step"), "judge": ("state_rates", "closing_step", "outputs"),
     **dict.fromkeys(("assemble", "initial_state", "assemble_sensitivities", "assemble_gradients"), CLOSING),
     **dict.fromkeys(("frame_jacobians", "point_sensitivities", "point_jacobians"), ("frame_sensitivities",)),
     **dict.fromkeys(("points", "picture", "view"), ("frames",)), "diagnose": ("accelerations",), "condition": ("conditions",),
