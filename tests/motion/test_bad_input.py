@@ -57,6 +57,7 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
         ({"sensitivities": "q0.rocker"}, r"q0.rocker is dependent; name an independent one: crank"),
         ({"sensitivities": ("base", "base")}, r"sensitivities contain a name twice"),
         ({"sensitivities": (3,)}, r"sensitivities contain 3, expected names"),
+        ({"sensitivities": True}, r"sensitivities is True, expected a name or a sequence of names"),
         ({"sensitivities": "inputs.motor[7]"}, r"the input has 1 value, counted from 0"),
         ({"dq0": np.zeros((2, 4))}, r"dq0"),
         ({"sensitivities": ("base", "friction"), "dq0": np.zeros((1, 3))}, r"dq0 has shape \(1, 3\), expected \(2, 3\)"),

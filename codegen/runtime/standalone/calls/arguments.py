@@ -349,6 +349,16 @@ def unknown(what: str, name: Any, known: Sequence[str]) -> ValueError:
     return ValueError(f"{what}: {name!r} is not known{expected}")
 
 
+def name_or_names(what: str, asked: Any) -> tuple[Any, ...]:
+    """The names in an argument that is one name or a sequence of names."""
+    if isinstance(asked, str):
+        return (asked,)
+    try:
+        return tuple(asked)
+    except TypeError:
+        raise ValueError(f"{what} is {asked!r}, expected a name or a sequence of names") from None
+
+
 def has_none(what: str) -> str:
     """What to do about an argument for which the model has no entries."""
     nouns = {"p": "parameters", "inputs": "inputs", "outputs": "outputs"}

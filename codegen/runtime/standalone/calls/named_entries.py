@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from .arguments import some, unknown
+from .arguments import name_or_names, some, unknown
 
 
 class Entry(NamedTuple):
@@ -152,7 +152,7 @@ def seeds_by_name(asked: str | Sequence[str], parameters: Sequence[str], inputs:
         If a name is not known; the message names the most similar one.
     """
     known = Names(parameters, inputs)
-    names = apart(known, (asked,) if isinstance(asked, str) else tuple(asked))
+    names = apart(known, name_or_names("sensitivities", asked))
     found = Named(names, np.zeros((len(names), len(parameters))), np.zeros((len(names), len(inputs))))
     for row, entry in enumerate(look_up(known, name) for name in names):
         (found.p if entry.of == "p" else found.inputs)[row, entry.at] = 1.0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, Numbers
-from ..calls.arguments import some
+from ..calls.arguments import name_or_names, some
 from ..calls.named_entries import Entry, apart, look_up_all, names_of
 from .inputs import Inputs
 
@@ -60,7 +60,7 @@ def take_sensitivities(
     if names == () and dq0 is None and du0 is None:
         return _no_directions(solver.nq, solver.nu, solver.np)
     known = names_of(solver)
-    wanted = apart(known, (names,) if isinstance(names, str) else tuple(names))
+    wanted = apart(known, name_or_names("sensitivities", names))
     given = dq0 is not None or du0 is not None
     if not wanted and given:
         rows = len(np.atleast_2d(np.asarray(dq0 if dq0 is not None else du0, float)))

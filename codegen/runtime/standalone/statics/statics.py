@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Array, Numbers, Times
 from ..assembly.partitions import conditions
 from ..assembly.states import States
-from ..calls.arguments import unknown
+from ..calls.arguments import name_or_names, unknown
 from ..calls.functions import ALONG, STATE
 from ..calls.named_entries import Named, seeds_by_name
 from ..calls.package import Package, state
@@ -217,7 +217,7 @@ class Statics(Room):
         """Names of the requested outputs; an error is raised if one is unknown or has no derivatives."""
         if outputs is None:
             return self.output_names if "output_sensitivities" in self._functions else ()
-        asked = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+        asked = name_or_names("outputs", outputs)
         for name in asked:
             if name not in self.output_names:
                 raise unknown("outputs", name, self.output_names)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, Shape
-from ..calls.arguments import some
+from ..calls.arguments import name_or_names, some
 
 FINISHED, INTERRUPTED = "finished", "interrupted"
 """Reasons for the end of a simulation: it reached the last time, or the user pressed Ctrl-C."""
@@ -628,11 +628,11 @@ class Trajectory:
         from .plot import draw
 
         whole = self.output_names or tuple(f"q.{name}" for name in self.coordinate_names)
-        names = whole if what is None else (what,) if isinstance(what, str) else tuple(what)
+        names = whole if what is None else name_or_names("what", what)
         if sensitivities is None:
             by: Sequence[str | int] = self.sensitivity_names
         else:
-            by = (sensitivities,) if isinstance(sensitivities, str) else tuple(sensitivities)
+            by = name_or_names("sensitivities", sensitivities)
         panels = [
             (
                 (name, self.unit(name), self[name]),
