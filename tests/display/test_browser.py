@@ -77,6 +77,8 @@ def test_a_page_plays_without_a_server(page, solvers, name, tmp_path):
     time.sleep(0.7)
     assert np.abs(picture(page) - before).max() > 30, "nothing moves"
     assert before.std() > 5, "nothing is shown"
+    ticks = page.evaluate("new Promise(r => { let n = 0; setInterval(() => ++n, 1); setTimeout(() => r(n), 1000) })")
+    assert ticks <= 31, "the page asks for frames more often than the poses change"
     assert errors == []
 
 

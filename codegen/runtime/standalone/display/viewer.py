@@ -21,7 +21,7 @@ from .forces import KINDS
 from .meshes import Meshes
 from .picture import LINES, MARKS, SOLID_COLORS
 from .poses import Arrows, Poses, ends_of, groups_of, places_of, quaternions
-from .scene import Scene
+from .scene import Mark, Scene
 from .surfaces import MANY, Surface
 
 RATE = 30.0
@@ -30,6 +30,13 @@ RATE = 30.0
 MOST_FRAMES = 3000
 """Number of frames of a page or a playback above which frames are left out."""
 
+
+SLOWER = (
+    "<script>{const every = setInterval; "
+    f"setInterval = (f, ms, ...given) => every(f, Math.max(ms, {1000 / RATE:.1f}), ...given)}}</script>"
+)
+"""Start of a page. Without it, viser moves its time bar 120 times a second, although poses change at `RATE`, and
+a processor without a graphics card spends more time on the bar than on the mechanism."""
 
 LARGEST_PORT = 65535
 
@@ -84,12 +91,22 @@ class Nodes:
             for kind in self.lines:
                 self._lines(kind, ends_of(self.scene.lines(kind), poses, i))
             for kind in self.marks:
-                places = places_of(self.scene.marks(kind), poses, i)
-                vertices, faces = _point(self.size * MARKS[kind][1] ** 0.5 * 1.6e-3, len(places))
-                turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
-                self._meshes(
-                    f"/{kind}", vertices, faces, turns, places, np.tile(_rgb(MARKS[kind][0]), (len(places), 1))
-                )
+                self._marks(kind, places_of(self.scene.marks(kind), poses, i))
+
+    def _marks(self, kind: str, places: Array) -> None:
+        """Marks are octahedra. Many marks are discs, since a browser without a graphics card draws bodies one by one; they
+        are smaller than links."""
+        colour, radius = _rgb(MARKS[kind][0]), self.size * MARKS[kind][1] ** 0.5 * 1.6e-3
+        if len(places) <= MANY:
+            turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
+            self._meshes(f"/{kind}", *_octahedron(radius), turns, places, np.tile(colour, (len(places), 1)))
+        elif kind in self.handles:
+            _send(self.handles[kind], points=places)
+        else:
+            radius = min(radius, 0.1 * _link_length(self.scene.marks(kind)))
+            self.handles[kind] = self.server.scene.add_point_cloud(
+                f"/{kind}", places, colour, point_size=2 * radius, point_shape="circle", precision="float32"
+            )
 
     def _meshes(self, name: str, vertices: Array, faces: Indices, turns: Array, places: Array, colors: Array) -> None:
         known = self.handles.get(name)
@@ -99,15 +116,11 @@ class Nodes:
                 flat_shading=len(vertices) < 10, lod="off", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
         else:
-            if not np.array_equal(known.batched_wxyzs, turns):
-                known.batched_wxyzs = turns
-            known.batched_positions = places
-            if not np.array_equal(known.batched_colors, colors):
-                known.batched_colors = colors
+            _send(known, batched_wxyzs=turns, batched_positions=places, batched_colors=colors)
 
     def _lines(self, kind: str, ends: Array) -> None:
         if kind in self.handles:
-            self.handles[kind].points = ends
+            _send(self.handles[kind], points=ends)
         else:
             colour, width = LINES[kind]
             thickness = self.size * width * 1.5e-3
@@ -124,7 +137,7 @@ class Nodes:
         places = arrows.places[i]
         ends = np.stack([places, places + arrows.vectors[i] * (0.25 * self.size / largest)], axis=1)
         if kind in self.handles:
-            self.handles[kind].points = ends
+            _send(self.handles[kind], points=ends)
         else:
             self.handles[kind] = self.server.scene.add_arrows(
                 f"/{kind}", ends, _rgb(KINDS[kind]), shaft_radius=0.003 * self.size,
@@ -136,6 +149,14 @@ class Nodes:
         for handle in self.handles.values():
             handle.remove()
         self.handles.clear()
+
+
+def _send(node: Any, **arrays: Array) -> None:
+    """Sends the arrays of a node that have changed; a browser then does not upload the others again."""
+    for name, array in arrays.items():
+        known = getattr(node, name)
+        if not np.array_equal(known, rounded := array.astype(known.dtype)):
+            setattr(node, name, rounded)
 
 
 def colors_of(bodies: Indices, color: str) -> Array:
@@ -155,11 +176,14 @@ def _rgb(color: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _point(radius: float, alike: int) -> Surface:
-    """The surface of a mark: an octahedron, or a tetrahedron where many marks are drawn."""
-    if alike > MANY:
-        corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * radius
-        return corners, np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
+def _link_length(marks: Sequence[Mark]) -> float:
+    """The median distance of marks from the origins of their bodies, m; infinite if all are at the origins."""
+    distances = np.array([np.linalg.norm(mark.at) for mark in marks])
+    return float(np.median(distances[distances > 0.0])) if distances.any() else math.inf
+
+
+def _octahedron(radius: float) -> Surface:
+    """The surface of a mark."""
     corners = np.concatenate([np.eye(3), -np.eye(3)]) * radius
     faces = [(a, b, c) if (sx * sy * sz) > 0 else (a, c, b)
              for sx, a in ((1, 0), (-1, 3)) for sy, b in ((1, 1), (-1, 4)) for sz, c in ((1, 2), (-1, 5))]  # fmt: skip
@@ -249,7 +273,7 @@ class Viewer:
             for i, pause in frames_of(self.poses.t, "page"):
                 self.show(i)
                 recording.insert_sleep(pause)
-            text = recording.as_html()
+            text = recording.as_html().replace("<head>", f"<head>{SLOWER}", 1)
         write_whole(Path(path), lambda file: file.write(f"{text}\n<!-- {MARK} -->\n".encode()))
 
     def wait(self) -> None:
