@@ -29,7 +29,7 @@ from .second_order import read_outside as read_outside_twice
 from .stores import LAID_OUT, LINK, RECORD, SLOT
 from .structure.kinds import UnitKind
 from .structure.system import System
-from .sweeps import DIFFERENTIATED_TWICE, FALLING, SWEEPS, TWICE, Sweep, adjoint_name, along_name
+from .sweeps import DIFFERENTIATED_TWICE, FALLING, SWEEPS, TWICE, Sweep, adjoint_name, along_name, parts_of
 
 
 @dataclass(slots=True)
@@ -128,7 +128,7 @@ def expand(
         A block loads a field that no block stores, or (with `whole`) stores a field that no block loads.
     """
     wanted = set(sweeps)
-    twice = {s for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & wanted}
+    twice = {s for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & parts_of(wanted)}
     chosen = [s for s in SWEEPS if s.name in wanted | twice and s.kinds(system)]
     patterns = Patterns(system)
     program = Program(system, read_outside=set(read_outside))
@@ -171,7 +171,7 @@ def _expand(
 ) -> dict[str, dict[int, Original]]:
     """Writes all blocks; returns the original blocks of the sweeps that `second_order` differentiates."""
     originals: dict[str, dict[int, Original]] = {
-        s: {} for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & wanted
+        s: {} for s in DIFFERENTIATED_TWICE if {along_name(s), adjoint_name(s)} & parts_of(wanted)
     }
     for sweep in _timed(program, chosen, "expanding", progress):
         for kind in sweep.kinds(program.system):

@@ -113,6 +113,7 @@ quaternion_matrix = MatrixField(
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
 attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_READS)
 position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_READS)
+rotation = VectorField("rot", "rad", GROUND, "rotation vector of a direction, for second derivatives")
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, along the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
@@ -302,6 +303,7 @@ orthogonal_entry = ScalarField(
 )
 triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
+multiplier_gain = SixField("W{}.{}.", WRENCH, OWN, "force on a root by a multiplier of one, by condition and root")
 
 surface_share = ScalarField(
     "share{}.{}", "any", "", "one over the length of the gradient of a condition on a point, by loop and condition"

@@ -120,8 +120,13 @@ class _Order:
     def links(self, access: _Access) -> list[int]:
         """The links that an access reaches, for the instances of its kind."""
         if access not in self._links:
-            self._links[access] = owner_links(self.system, access.kind, access.store, of_units=False)
+            of_units = self.runs[access.at][0].units
+            self._links[access] = owner_links(self.system, access.kind, access.store, of_units)
         return self._links[access]
+
+    def instances(self, access: _Access) -> Sequence[int]:
+        """The instances of the kind of an access, in the order of its sweep."""
+        return access.kind.units if self.runs[access.at][0].units else access.kind.members
 
     def first(self, given: Accesses, read: Accesses, of_ground: bool) -> set[_Access] | None:
         """The contributions that come first for every link to which they add; None if a contribution comes first for a
@@ -129,7 +134,7 @@ class _Order:
         earliest: dict[int, tuple[int, int, int]] = {}
         for g, access in enumerate(given):
             sign = -1 if self.runs[access.at][0].direction == INWARD else 1
-            for i, link in zip(access.kind.members, self.links(access), strict=True):
+            for i, link in zip(self.instances(access), self.links(access), strict=True):
                 mine = access.at, sign * i, g
                 if link not in earliest or mine < earliest[link]:
                     earliest[link] = mine
@@ -139,6 +144,6 @@ class _Order:
         for _, _, g in earliest.values():
             count[g] = count.get(g, 0) + 1
         needed = {link for access in read for link in self.links(access)} | ({GROUND} if of_ground else set())
-        if not needed <= earliest.keys() or any(c < len(given[g].kind.members) for g, c in count.items()):
+        if not needed <= earliest.keys() or any(c < len(self.instances(given[g])) for g, c in count.items()):
             return None
         return {given[g] for g in count}

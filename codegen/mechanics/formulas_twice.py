@@ -9,6 +9,7 @@ from ..program.second_order import adjoint, along
 from ..program.store import ARGUMENT, MARGIN, NUMBER, Store, argument
 from ..program.transpose import always
 from .formulas import has_derivative, seed_of
+from .second_order_poses import attitudes
 from .second_order_stores import adjoint_of, adjoint_tangent_of, tangent_of
 
 
@@ -33,9 +34,11 @@ def differentiate_records(formula: Formula) -> None:
     values = formula.differentiable
     assert values is not None
     title, name = formula.value.title, formula.value.name
-    tangent = along(Expansion(f"{name}_along", "", always).resume(values), seed)
+    tangent = along(Expansion(f"{name}_along", "", always).resume(values), seed, attitudes)
     back = adjoint(tangent, f"{name}_adjoint", f"adjoint of {title}", place, always)
-    twice = along(Expansion(f"{name}_twice", f"tangent of the adjoint of {title}", always).resume(back), again)
+    twice = along(
+        Expansion(f"{name}_twice", f"tangent of the adjoint of {title}", always).resume(back), again, attitudes
+    )
     twice.stores += [s for s in values.stores if s[0].memory is MARGIN]
     back.stores = [
         s for s in back.stores if s[0].memory is not ARGUMENT or (formula.in_loops and s[0].name in ("gq", "gu"))

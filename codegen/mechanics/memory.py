@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from ..program.layout import Layout, first_with, numbered
 from .expansion import Program
-from .stores import KEPT, LAID_OUT, ME, RECORD, UP
+from .stores import ADJOINT, KEPT, LAID_OUT, ME, RECORD, UP
 from .structure.kinds import EarKind
 from .structure.system import System
+from .sweeps import RUN_AGAIN
 
 
 class SystemLayout(Layout):
@@ -30,7 +31,7 @@ class SystemLayout(Layout):
                         used.setdefault(n, set()).add(sweep)
         passing = {n for n, sweeps in used.items() if all(n in program.transient.get(x, ()) for x in sweeps)}
         found = {memory.region: program.fields.get(memory, []) for memory in (*LAID_OUT, *KEPT.values())}
-        found["kept_adjoints"] = found["adjoints"] if "gaps_adjoint" in program.blocks else []
+        found["kept_adjoints"] = _added_again(program) if "gaps_adjoint" in program.blocks else []
         found["records"] = [n for n in found["records"] if n not in passing]
         links, regions = len(system.links), system.regions
         self.fields = {region: numbered(names) for region, names in found.items()}
@@ -95,3 +96,10 @@ class SystemLayout(Layout):
             for n in element_kind.members:
                 values = system.elements[n].constants.values
                 self.element_number_offsets[n] = offset(tuple(values.get(name, 0.0) for name in element_kind.data))
+
+
+def _added_again(program: Program) -> list[str]:
+    """Adjoints to which sweeps add that run again from a copy."""
+    blocks = [b for s in RUN_AGAIN for b in program.blocks.get(s, {}).values()]
+    added = {n for b in blocks for store, n, _ in b.stores if store.memory is ADJOINT}
+    return [n for n in program.fields.get(ADJOINT, []) if n in added]

@@ -20,14 +20,16 @@ from ..program import algebra
 from ..program.algebra import Expr, Symbol
 from ..program.block import Block, Component, Expansion, Statement
 from ..program.derivatives import of_symbols
+from ..program.fusion import fused
 from ..program.passes import drop_dead, propagate_copies
-from ..program.second_order import Primitives, adjoint, along, transpose
-from ..program.store import Store
+from ..program.second_order import Further, Primitives, adjoint, along, nothing, transpose
+from ..program.store import Memory, Store
 from ..program.transpose import always
 from ..records import dataclass
 from . import fields
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
+from .second_order_poses import attitudes, rotation
 from .second_order_stores import (
     GRADIENTS,
     READ_BY_FORMULAS,
@@ -61,6 +63,7 @@ from .stores import (
     MASS_LANE,
     ME,
     PARAMETER,
+    RECORD,
     TANGENT,
     TRIG,
     TURNS,
@@ -68,7 +71,19 @@ from .stores import (
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, LinkKind, UnitKind
 from .structure.system import System
-from .sweeps import DIFFERENTIATED_TWICE, SWEEP, Sweep, adjoint_name, along_name, back_name, mass_name
+from .sweeps import (
+    DIFFERENTIATED_TWICE,
+    OF_MASS,
+    SWEEP,
+    TOGETHER,
+    Sweep,
+    adjoint_name,
+    along_name,
+    back_name,
+    backward_in_loops,
+    mass_name,
+    parts_of,
+)
 
 CHANGES = (ADJOINT_LANE, CHANGE_LANE)
 """Memory of changes with multipliers."""
@@ -129,7 +144,7 @@ class SecondOrder:
         alone: bool, gradients: bool,
     ):  # fmt: skip
         self.patterns, self.system = patterns, patterns.system
-        self.originals, self.wanted, self.given = originals, wanted, given
+        self.originals, self.wanted, self.given, self.parts = originals, wanted, given, parts_of(wanted)
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
         loops = bool(self.system.model.loops)
         self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()), *(GRADIENTS if gradients else ()))
@@ -137,13 +152,23 @@ class SecondOrder:
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
         self.transposes: dict[tuple[str, int], Block] = {}
-        self.forward, inverse = mass_name("missing_forces") in wanted, not loops and "tree_motion" in originals
+        self.forward, inverse = mass_name("missing_forces") in self.parts, not loops and "tree_motion" in originals
         """Whether products of the forward dynamics of a tree are among the functions."""
         self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
+        self.one_of_loops = alone and loops and mass_name("tree_forces") in self.parts
         self.unread = (DKINETIC, DPOTENTIAL, DQDOT, *(() if loops else (DFORCE,)))
+        self.sums: set[Place] = set()
+        """Values of links to which several blocks add."""
+        for sweep in self.sweeps:
+            for kind in self._kinds(sweep):
+                block = originals[sweep.name][kind.index].block
+                read = set(block.loads.values())
+                for store, name, _ in block.stores:
+                    if store.memory is RECORD and (store.adds or (store, name) in read):
+                        self.sums |= self._places(kind, sweep, store.plain, name)
         self.nonzero: set[Place] = {((TANGENT, ""), GROUND_KIND, n) for n in varying_of_ground(patterns.system)} | given
         """Tangents and adjoints that can differ from zero."""
 
@@ -165,7 +190,7 @@ class SecondOrder:
             for kind in self._kinds(sweep):
                 k, tangent = kind.index, tangents[name][kind.index]
                 found[along_name(name)][k] = _storing(tangent, lambda a: a.memory is TANGENT or a not in self.unread)
-                if back_name(name) in self.wanted:
+                if back_name(name) in self.parts:
                     title = SWEEP[back_name(name)].title
                     turned = transpose(read[name][k], f"{back_name(name)}_{k}", title, along_of_adjoint, always)
                     found.setdefault(back_name(name), {})[k] = _changing(turned, name)
@@ -184,7 +209,18 @@ class SecondOrder:
         self._drop_zeros(found)
         if self.one_of_trees:
             self._assign_first(found)
-        return found
+        if self.one_of_loops:
+            self._assign_first_in_loops(found)
+        return found | {name: self._together(name, found) for name in TOGETHER if name in self.wanted}
+
+    def _together(self, name: str, found: Mapping[str, Mapping[int, Block]]) -> dict[int, Block]:
+        """The blocks of several sweeps in one."""
+        made: dict[int, Block] = {}
+        for kind in SWEEP[name].kinds(self.system):
+            parts = [found[part][kind.index] for part in TOGETHER[name] if kind.index in found[part]]
+            title = "; ".join(part.title for part in parts)
+            made[kind.index] = fused(f"{name}_{kind.index}", title, parts, lambda store, name: False)
+        return made
 
     def _assign_first(self, found: dict[str, dict[int, Block]]) -> None:
         """Assign the first contributions to adjoints and to their tangents; see `codegen.mechanics.first_contributions`."""
@@ -194,9 +230,24 @@ class SecondOrder:
             (ADJOINT_LANE, lambda name: along_name(adjoint_name(name))),
             (MASS_LANE, mass_name),
         ):
-            names = [name_of(s.name) for s in reversed(self.sweeps)]
-            outside = {n for (of, _), _, n in read_outside(self.system) if of is memory}
-            assign_first(self.system, memory, [(SWEEP[n], found[n]) for n in names], in_memory(memory, ME), outside)
+            self._assign_first_of(memory, [name_of(s.name) for s in reversed(self.sweeps)], found)
+
+    def _assign_first_in_loops(self, found: dict[str, dict[int, Block]]) -> None:
+        """The same for the tangents of adjoints of models with loops, in the order of `WithLoops`."""
+        order = backward_in_loops(s.name for s in self.sweeps)
+        poses = [s for s in order if s in ("pose", "rotations")]
+        names = [
+            *(along_name(adjoint_name(s)) for s in order if s not in poses),
+            *map(back_name, ("rate_gaps", "velocities")),
+            *(along_name(adjoint_name(s)) for s in poses),
+        ]
+        self._assign_first_of(ADJOINT_LANE, names, found)
+        self._assign_first_of(MASS_LANE, [*map(mass_name, OF_MASS)], found)
+
+    def _assign_first_of(self, memory: Memory, names: list[str], found: dict[str, dict[int, Block]]) -> None:
+        outside = {n for (of, _), _, n in read_outside(self.system) if of is memory}
+        runs = [(SWEEP[n], found[n]) for n in names if n in found]
+        assign_first(self.system, memory, runs, in_memory(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
         """Drop zeros from transposes of tangents; an adjoint is zero if none of these blocks stores it."""
@@ -257,7 +308,7 @@ class SecondOrder:
         known = -1
         while known != len(self.nonzero):
             known = len(self.nonzero)
-            for sweep in reversed([s for s in self.sweeps if {adjoint_name(s.name), mass_name(s.name)} & self.wanted]):
+            for sweep in reversed([s for s in self.sweeps if {adjoint_name(s.name), mass_name(s.name)} & self.parts]):
                 for kind in self._kinds(sweep):
                     found[sweep.name][kind.index] = self._adjoint(sweep, kind, tangents[sweep.name][kind.index])
         return found
@@ -303,10 +354,23 @@ class SecondOrder:
     def _tangent(self, sweep: Sweep, kind: UnitKind) -> Block:
         of = self.originals[sweep.name][kind.index]
         x = self._expansion(sweep, kind, along_name(sweep.name), of.block)
-        found = along(x, tangent_of, partial(_primitives, kind), of.equal, of.recalled)
+        further: Further = partial(rotation, kind) if isinstance(kind, LinkKind) and sweep.name == "pose" else nothing
+        recalled = of.recalled | (self._stored(sweep, kind, of) if self.system.model.loops else {})
+        found = along(x, tangent_of, partial(_primitives, kind), of.equal, recalled, further=further)
         for store, name, e in found.stores:
             if store.memory is TANGENT and e is not algebra.ZERO:
                 self.nonzero |= self._places(kind, sweep, store.plain, name)
+        return found
+
+    def _stored(self, sweep: Sweep, kind: UnitKind, of: Original) -> dict[Symbol, Component]:
+        """Values that the sweep of values has stored; the other blocks load them instead of computing them again."""
+        computed = {s.target for s in of.block.statements}
+        found: dict[Symbol, Component] = {}
+        for store, name, e in of.block.stores:
+            if not (isinstance(e, Symbol) and e in computed) or store.memory is not RECORD or store.adds:
+                continue
+            if self.sums.isdisjoint(self._places(kind, sweep, store, name)):
+                found.setdefault(e, (store, name))
         return found
 
     def _along_adjoint(
@@ -355,11 +419,10 @@ def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:
 
 
 def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
-    """The transparent symbols of a block, and the tangents of the angle and of the design parameters."""
+    """The transparent symbols of a block, and the tangents of rotations and of the design parameters."""
     if isinstance(kind, EarKind):
         return _primitives_of_loops(kind, x)
-    transparent: Primitives = {}
-    roots: dict[Symbol, Expr] = {}
+    transparent, roots = attitudes(x)
     loads = list(x.block.loads.items())
     if isinstance(kind, LinkKind) and any(a is TRIG for _, (a, _) in loads):
         joint = kind.joint(x, kind)
@@ -386,8 +449,7 @@ def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, 
 def _primitives_of_loops(kind: EarKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
     """The transparent symbols of an ear's block: constants of its loops, and the design parameters on which these
     depend."""
-    transparent: Primitives = {}
-    roots: dict[Symbol, Expr] = {}
+    transparent, roots = attitudes(x)
     loads = list(x.block.loads.items())
     for c, closure in enumerate(kind.closures):
         parameters = range(closure.parameters)

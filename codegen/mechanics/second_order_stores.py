@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ..program.block import Component
 from ..program.store import Memory, Store
+from . import fields
 from .stores import (
     ACCELERATION_GAP,
     ACCELERATION_GAP_BAR,
@@ -161,9 +162,9 @@ def in_memory(memory: Memory, store: Store) -> Store:
 
 
 def tangent_of(store: Store, name: str) -> Component | None:
-    """The place of the tangent of a value."""
+    """The place of the tangent of a value; rotation matrices of links have none (`second_order_poses`)."""
     if store.memory is RECORD:
-        return in_memory(TANGENT, store), name
+        return None if name in fields.attitude.components else (in_memory(TANGENT, store), name)
     found = _found(TANGENTS, store)
     return None if found is None else (found, name)
 

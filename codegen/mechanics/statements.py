@@ -28,6 +28,7 @@ from .procedures import (
     GRADIENT_TANGENTS,
     SECOND_ORDER,
     SWITCHES,
+    check_names,
     checked_backwards,
     procedures,
     swept_backwards,
@@ -89,6 +90,7 @@ def expanded(
     for target in SIZES:
         records += frame_formulas(system, target) if target in read else []
     _differentiate_twice(second, [*values, *records], bool(model.loops))
+    check_names(selected)
     try:
         wanted, backwards = sweeps(selected), swept_backwards(selected)
         read_by, given = _read_by_formulas(system, records), _given_by_formulas(system, records)

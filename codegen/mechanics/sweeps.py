@@ -7,7 +7,7 @@ dynamics, and ``complete`` before the sensitivity.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from ..program.block import Scope
@@ -149,6 +149,12 @@ def _pulled(kind: LinkKind) -> bool:
     return kind.pulled
 
 
+def _tree_outward(x: Scope, kind: LinkKind) -> None:
+    """Several outward blocks of a link in one."""
+    for write in (kinematics.pose, loads.velocities, closed.tree_motion, closed.clear_wrenches):
+        write(x, kind)
+
+
 def _never(kind: LinkKind) -> bool:
     return False
 
@@ -221,6 +227,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("missing_forces", "joint forces that udot requires in addition to those of the model (Eq. 45)",
           inverse_dynamics.missing_forces, INWARD),
     Sweep("clear_wrenches", "forces of loops set to zero", closed.clear_wrenches, OUTWARD),
+    Sweep("tree_outward", "poses, velocities and accelerations of all links, and required forces (Eqs. 18, 19, 22, 24)",
+          _tree_outward, OUTWARD),
     Sweep("wrenches", "wrenches of loops on links (Eq. 9)", _nothing, OUTWARD, applies=_never, ear=closed_tree.wrenches,
           units=True),
     Sweep("tree_forces", "joint forces that udot and the wrenches of loops require, in addition to those of the model (Eq. 45)",
@@ -234,6 +242,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("coordinate_forces", "the gradient by coordinates, along degrees of freedom", closed.coordinate_forces, OUTWARD),
     Sweep("tangential_gradients", "gradients by quaternions that loops determine in part", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.tangential_gradients, units=True),
+    Sweep("multiplier_gains", "forces of each multiplier on the roots of an ear (Eq. 9)", _nothing, OUTWARD, applies=_never,
+          ear=closed_solutions.multiplier_gains, units=True),
     Sweep("multipliers_out", "forces of loops set to zero", _nothing, OUTWARD, lanes=True, applies=_never,
           region=closed_solutions.clear_sums, units=True),
     Sweep("multipliers_in", "multipliers for given forces along dependent degrees of freedom (Eq. 9)",
@@ -349,6 +359,36 @@ def back_name(sweep: str) -> str:
     return f"{sweep}_back"
 
 
+OF_MASS = ("tree_forces", "wrenches", "acceleration_gaps", "tree_motion")
+"""Sweeps from whose adjoints ``M z + E^T y`` and ``E z`` follow, in the order of their adjoints."""
+
+
+def backward_in_loops(sweeps: Iterable[str]) -> list[str]:
+    """The order of adjoints along directions: that of joint forces comes first, since it visits all links and reads no other."""
+    order = [*sweeps][::-1]
+    return sorted(order, key=lambda s: s != OF_MASS[0])
+
+
+RUN_AGAIN = tuple(map(adjoint_name, ("rotations", "pose", "velocities", "rate_gaps", "gaps")))
+"""Sweeps that run once to find multipliers of conditions, and again with these."""
+
+TOGETHER = {
+    "tangents_outward": (
+        *map(along_name, ("pose", "velocities", "tree_motion", "clear_wrenches")), mass_name("tree_forces"),
+    ),
+    "tangents_inward": (along_name("tree_forces"), mass_name("tree_motion")),
+    "adjoints_inward": (along_name(adjoint_name("tree_motion")), along_name(adjoint_name("velocities"))),
+    "poses_inward": (back_name("velocities"), along_name(adjoint_name("pose"))),
+}  # fmt: skip
+"""Sweeps over links that do not depend on each other and run as one, each block after that of the sweep before. Most of the
+time of a sweep is spent waiting for the results of the neighbour; meanwhile the others make progress."""
+
+
+def parts_of(sweeps: Iterable[str]) -> set[str]:
+    """The given sweeps, and those that run together in one of them."""
+    return {part for s in sweeps for part in (s, *TOGETHER.get(s, ()))}
+
+
 def _twice() -> list[Sweep]:
     """The sweeps that `second_order` derives from others: all tangents, then all adjoints with their tangents."""
     found = [SWEEP[name] for name in DIFFERENTIATED_TWICE]
@@ -363,7 +403,12 @@ def _twice() -> list[Sweep]:
         adjoints.append(
             replace(turned, name=back_name(s.name), title=f"transpose of the tangent of {s.title}", lanes=True)
         )
-    return [*tangents, *adjoints]
+    by_name = {s.name: s for s in (*tangents, *adjoints)}
+    together = [
+        replace(by_name[parts[0]], name=name, title="; ".join(by_name[p].title for p in parts))
+        for name, parts in TOGETHER.items()
+    ]
+    return [*tangents, *adjoints, *together]
 
 
 SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)), *_together())}

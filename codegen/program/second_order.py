@@ -21,6 +21,14 @@ from .transpose import Nonzero, transposed
 Primitives = dict[Symbol, dict[Symbol, Expr]]
 """Derivatives of transparent symbols with respect to the symbols on which they depend; see `derivatives.Tangents`."""
 
+Further = Callable[[Tangents], list[tuple[Store, str, Expr]]]
+"""Returns stores of tangents besides those of values."""
+
+
+def nothing(d: Tangents) -> list[tuple[Store, str, Expr]]:
+    """No further stores."""
+    return []
+
 
 def along(
     x: Expansion,
@@ -29,6 +37,7 @@ def along(
     equal: Mapping[Symbol, Expr] = MappingProxyType({}),
     recalled: Mapping[Symbol, Component] = MappingProxyType({}),
     known: Mapping[Symbol, Component] = MappingProxyType({}),
+    further: Further = nothing,
 ) -> Block:
     """Append the tangents of all statements to a block, and store tangents in place of values.
 
@@ -46,6 +55,8 @@ def along(
         Values that are loaded instead of computed. Their tangents follow from the statements that would compute them.
     known : mapping of Symbol to (Store, str)
         Values that are stored as components, whose tangents are loaded.
+    further : callable (Tangents) -> list of (Store, str, Expr)
+        See `Further`.
     """
     block = x.block
     transparent, roots = primitives(x)
@@ -71,7 +82,7 @@ def along(
         if at is not None:
             value = _value(d, e) if _guarded(e) else d.value(e)
             stores.append((at[0].sum if store.adds else at[0], at[1], value))
-    block.stores = stores
+    block.stores = stores + further(d)
     block.statements = [s for s in block.statements if s.target not in recalled]
     block.loads |= recalled
     return block

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from codegen.loops.partition import partition
-from codegen.mechanics.procedures import OTHER_WIDTHS, procedures
+from codegen.mechanics.procedures import OTHER_WIDTHS, check_names, procedures
 from codegen.mechanics.quantities import POSE
 from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEP
@@ -30,6 +30,7 @@ from codegen.program.procedure import (
     Own,
     Perform,
     Procedure,
+    Routine,
     Run,
     Single,
     Step,
@@ -210,3 +211,14 @@ def test_columns_of_dependent_coordinates_are_left_out() -> None:
     assert among["given_dq"] == tuple(free_q) and among["given_du"] == tuple(free_u) and among["dp"] is None
     tree = {s.unit.name: s.among for s in within(functions("arm")["jacobians"].steps) if isinstance(s, Columns)}
     assert set(tree.values()) == {None}
+
+
+def test_a_routine_with_the_name_of_a_sweep_is_refused() -> None:
+    """Both would become functions of one name in generated code."""
+
+    def calling(name: str) -> tuple[Procedure, ...]:
+        return (Procedure("f", "", (), (), (Perform(Routine(name, "", (Run("pose"),))),)),)
+
+    check_names(calling("all_poses"))
+    with pytest.raises(AssertionError, match="pose"):
+        check_names(calling("pose"))

@@ -105,13 +105,10 @@ class CPrepared(CMemory):
         ]
 
     def copied(self, to: str, of: str) -> list[str]:
-        """Lines that copy the adjoints of one vector of weights."""
-        word = self.scalar.word
-        return [
-            f"for (long i = 0; i < {n}L; ++i) (({word} *)a->{to})[i] = (({word} *)a->{of})[i];"
-            for name, _, n in self.regions()
-            if name == to
-        ]
+        """Lines that copy adjoints of one vector of weights."""
+        names = map(identifier, self.layout.fields["kept_adjoints"])
+        copies = [f"    a->{to}[i].{n} = a->{of}[i].{n};" for n in names]
+        return [f"for (int i = 0; i < {self.layout.rows[to]}; ++i) {{", *copies, "}"] if copies else []
 
     def assigned(self, region: str) -> bool:
         """Whether the first contributions to the memory of a region assign instead of adding."""

@@ -14,7 +14,7 @@ TYPES = {
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
     "kept_regions": "region_kept", "columns": "link_columns",
     "tangents": "link_tangents", "adjoints": "link_adjoints", "adjoint_tangents": "link_adjoint_tangents",
-    "mass_tangents": "link_mass_tangents", "adjoint_changes": "link_adjoint_changes", "kept_adjoints": "link_adjoints",
+    "mass_tangents": "link_mass_tangents", "adjoint_changes": "link_adjoint_changes", "kept_adjoints": "link_kept_adjoints",
 }  # fmt: skip
 """Type name of a row of each region of memory."""
 
@@ -26,7 +26,7 @@ ABOUT = {
     "lanes": "Values of a link per direction.", "region_lanes": "Values of a region of loops per direction.",
     "columns": "Values of a link per column of a matrix.",
     "tangents": "Tangents of a link's values per direction.",
-    "adjoints": "Adjoints of a link's values, for one vector of weights.",
+    "adjoints": "Adjoints of a link's values, for one vector of weights.", "kept_adjoints": "Copies of some of them.",
     "adjoint_tangents": "Tangents of these adjoints per direction.",
     "mass_tangents": "The part of these tangents that the mass matrix determines.",
     "adjoint_changes": "Changes of these tangents with multipliers of loops.",

@@ -42,7 +42,7 @@ from .conditions import components_along, kept_conditions
 from .geometry import EarGeometry
 from .members import MemberView
 from .motions import Twist
-from .reaction_tangents import add_wrench_changes, of_root
+from .reaction_tangents import forces_at_faces, of_root
 from .region_balance import transmitted_fields
 
 # -- forces through an ear -----------------------------------------------------------------------------------------------
@@ -61,15 +61,15 @@ def forces_from_outboard(x: Scope, kind: EarKind, own: SixField | None = None) -
     return found
 
 
-def propagate(x: Scope, ear: EarGeometry, force: list[Vector]) -> list[RootForce]:
+def propagate(x: Scope, ear: EarGeometry, force: list[Vector], lanes: bool = True) -> list[RootForce]:
     """Propagates forces inward through an ear, in place, and returns the forces on the roots. Eq. 45."""
     on_roots: list[RootForce] = []
     for k in reversed(range(len(force))):
         member = ear.members[k]
-        force[k] = [x.let("phi", v, "Eq. 45", lanes=True) for v in force[k]]
+        force[k] = [x.let("phi", v, "Eq. 45", lanes=lanes) for v in force[k]]
         if member.parent < 0 and not ear.roots[-1 - member.parent].needs_force:
             continue
-        joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
+        joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=lanes)
         on_parent = force_to_parent(x, joint, force[k], "Eq. 45", member.r)
         if member.parent >= 0:
             force[member.parent] = add(force[member.parent], on_parent)
@@ -143,8 +143,26 @@ def _solve(x: Scope, kind: EarKind, given: Callable[[int, int], Value], own: Six
         found = stored_factor(x, kind).solve_transposed(right, "y", "Eq. 9", lanes=True)
         for (c, i), value in zip(numbered(rows), found, strict=True):
             x.set_entry(DMULTIPLIER[c], i, value)
-        on_roots += add_wrench_changes(x, ear, rows, found, force)
+        for t, root in enumerate(ear.roots):
+            if root.needs_force:
+                gains = [x.load(EAR, fields.multiplier_gain(n, t)) for n in range(len(rows))]
+                acting = [sum(g[i] * y for g, y in zip(gains, found, strict=True)) for i in SIX]
+                on_roots.append(RootForce(t, [], acting))
     add_to_roots(x, ear, on_roots)
+
+
+def multiplier_gains(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: the forces of each multiplier on the roots, which are the same for all right sides. Eq. 9."""
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
+    for n in range(len(rows)):
+        unit: Vector = [int(n == m) for m in range(len(rows))]
+        force, on_roots = forces_at_faces(x, ear, rows, unit, lanes=False)
+        on_roots += propagate(x, ear, force, lanes=False)
+        for t, root in enumerate(ear.roots):
+            if root.needs_force:
+                acting = add([0] * 6, *(h.tangent for h in on_roots if h.root == t))
+                x.store(EAR, fields.multiplier_gain(n, t), [x.let("gain", e, "Eq. 9") for e in acting])
 
 
 def region_multipliers(x: Scope, kind: RegionKind) -> None:

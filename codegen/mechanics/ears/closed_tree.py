@@ -8,7 +8,7 @@ joint slides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
@@ -54,26 +54,34 @@ class GroundGeometry(EarGeometry):
         """Components along the ground's axes of a vector along a link's axes."""
         return self.x.let_vector("ground", rotate(self.attitude(place), v), "Eq. 22")
 
-    def velocity(self, place: int) -> Twist:
-        """Velocity of a link or root along the ground's axes."""
-        own = Twist.load(self.x, self.record(place), fields.applied_twist)
-        return Twist(self.along_ground(place, own.angular), self.along_ground(place, own.linear))
-
     def walk(
         self, roots: list[Twist], coefficients: list[Vector], name: str, tag: str, lanes: bool = False
     ) -> list[Twist]:
-        return [self.velocity(k) for k in range(len(self.members))]
+        return []  # velocities of faces are those of sweeps over the tree
 
-    @property
-    def root_velocities(self) -> list[Twist]:
-        """Velocities of the roots."""
-        return [self.velocity(-1 - t) for t in range(len(self.roots))]
+    def face_difference(self, motions: list[Twist], roots: list[Twist], speeds: Sequence[Vector]) -> list[Twist]:
+        found = []
+        for c, closure in enumerate(self.kind.closures):
+            if closure.is_coupling:
+                found.append(self.coupled(c, speeds, "coupled", "Eq. 30"))
+                continue
+            start, end = (self.face_velocity(c, side) for side in (0, 1))
+            slip = self.slip(c)
+            found.append(end.minus(start if slip is None else Twist(start.angular, start.at(slip))))
+        return found
+
+    def face_velocity(self, c: int, side: int) -> Twist:
+        """Angular velocity and velocity of a face."""
+        place = self.kind.closures[c].faces[side]
+        own = Twist.load(self.x, self.record(place), fields.applied_twist)
+        v = self.x.let_vector("face", own.at(self.face(c, side)[0]), "Eq. 18")
+        return Twist(self.along_ground(place, own.angular), self.along_ground(place, v))
 
     def face_motion(self, c: int, side: int) -> tuple[Vector, Vector, Vector]:
         """Angular velocity, angular acceleration and acceleration of a face."""
         place = self.kind.closures[c].faces[side]
         m = Motion.load(self.x, self.record(place), fields.total)
-        a = m.at(self.face(c, side)[0])
+        a = self.x.let_vector("face", m.at(self.face(c, side)[0]), "Eq. 21")
         w, al, a = (self.along_ground(place, v) for v in (m.w, m.al, a))
         return w, al, a
 
@@ -163,8 +171,7 @@ def rate_gaps(x: Scope, kind: EarKind) -> None:
     rows = ear.conditions()
     if not rows:
         return
-    roots = ear.root_velocities
-    at_cuts = ear.face_difference(ear.walk(roots, [], "", ""), roots, [m.speeds for m in ear.members])
+    at_cuts = ear.face_difference([], [], [m.speeds for m in ear.members])
     for (c, i), value in zip(numbered(rows), components_along(ear, rows, at_cuts, "rate", "Eq. 30"), strict=True):
         x.set_entry(RATE_GAP[c], i, value)
 
@@ -176,7 +183,7 @@ def acceleration_gaps(x: Scope, kind: EarKind) -> None:
     if not rows:
         return
     joints = [m.given_accelerations or [m.view.entry(UDOT, f.index) for f in m.freedoms] for m in ear.members]
-    found = closing_accelerations(x, ear, rows, ear.face_motion, joints, "ca", ear.root_velocities)
+    found = closing_accelerations(x, ear, rows, ear.face_motion, joints, "ca", [])
     for (c, i), value in zip(numbered(rows), found, strict=True):
         x.set_entry(ACCELERATION_GAP[c], i, value)
 

@@ -25,7 +25,11 @@ def closing_accelerations(
 ) -> Vector:
     """Values of the conditions for accelerations of faces and joints, including the rotation of the conditions'
     directions. Eq. 31."""
-    slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
+    slips = (
+        slip_velocities(x, ear, named_root_velocities(ear) if root_speeds is None else root_speeds)
+        if ear.slides
+        else []
+    )
     at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []
     for row, value in zip(rows, components_along(ear, rows, at_cuts, name, "Eq. 31"), strict=True):

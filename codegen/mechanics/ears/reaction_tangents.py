@@ -197,11 +197,11 @@ def store_loop(
     store_tangent(x, DLOOP_REACTION[c], W, dW, force, tangent)
 
 
-def add_wrench_changes(
-    x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]
-) -> list[RootForce]:
-    """Add the effect of changes of the multipliers at the faces to `d_phi` and to the forces on the roots."""
-    more: list[Vector] = [[0] * 6 for _ in d_phi]
+def forces_at_faces(
+    x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, lanes: bool = True
+) -> tuple[list[Vector], list[RootForce]]:
+    """For each link of an ear, the force on it by changes of the multipliers; and the forces on roots that have a face."""
+    more: list[Vector] = [[0] * 6 for _ in ear.members]
     on_roots: list[RootForce] = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
@@ -214,12 +214,20 @@ def add_wrench_changes(
                 continue
             slip = ear.slip(c) if side == 0 else None
             at_face = turned(transpose(ear.attitude(place)), wrench if slip is None else about(slip, wrench))
-            own = [x.let("own", e, "d Eq. 9", lanes=True) for e in at_face]
+            own = [x.let("own", e, "d Eq. 9", lanes=lanes) for e in at_face]
             acting = [sign * e for e in about(ear.face(c, side)[0], own)]
             if place < 0:
                 on_roots.append(RootForce(-1 - place, [0] * 6, acting))
             else:
                 more[place] = add(more[place], acting)
+    return more, on_roots
+
+
+def add_wrench_changes(
+    x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]
+) -> list[RootForce]:
+    """Add the effect of changes of the multipliers at the faces to `d_phi` and to the forces on the roots."""
+    more, on_roots = forces_at_faces(x, ear, rows, d_wrench)
     for k in reversed(range(len(more))):
         if all(is_zero(v) for v in more[k]):
             continue

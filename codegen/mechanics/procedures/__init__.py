@@ -19,13 +19,13 @@ from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
 from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, of_motions, second_order
 from .shared import Shared
-from .swept import checked_backwards, swept_backwards, swept_together
+from .swept import check_names, checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
     "GRADIENT_TANGENTS", "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays",
-    "asks_reactions", "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
+    "asks_reactions", "check_names", "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 MOTIONS = ("state_rates", "state_rate_sensitivities")

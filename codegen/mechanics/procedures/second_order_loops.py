@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 from ...program.procedure import (
@@ -27,7 +27,7 @@ from ...program.procedure import (
 )
 from ..quantities import run
 from ..structure.kinds import EarKind
-from ..sweeps import adjoint_name, along_name, back_name, mass_name
+from ..sweeps import OF_MASS, adjoint_name, along_name, back_name, backward_in_loops, mass_name
 from .shared import Shared, performed
 
 MULTIPLIERS = run("multipliers_out", "multipliers_in")
@@ -41,8 +41,6 @@ POSES = ("rotations", "pose")
 """Sweeps on which all other sweeps depend."""
 
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
-OF_MASS = ("tree_motion", "wrenches", "tree_forces", "acceleration_gaps")
-"""Sweeps from whose adjoints ``M z + E^T y`` and ``E z`` follow."""
 
 
 class WithLoops:
@@ -98,6 +96,7 @@ class WithLoops:
             *(Own(a) for a in (self.multiplier, *self.gaps, solved, virtual)),
             *(Own(a) for a in (self.force, self.side, self.along_coordinates, nothing)),
             Zero(nothing),
+            *run("multiplier_gains"),
             Single(
                 RESPONSE,
                 ((self.right, weights), (self.gap_right, nothing)),
@@ -106,7 +105,7 @@ class WithLoops:
             performed(
                 "tree_values",
                 "Motions of the links, and joint forces of the tree with the loops cut.",
-                run("pose", "velocities", "tree_motion", "clear_wrenches", "tree_forces"),
+                run("tree_outward", "tree_forces"),
             ),
             *self._single(self.force, self.multiplier),
             performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
@@ -170,16 +169,26 @@ class WithLoops:
         """Tangents of all multipliers and adjoints: the change of the gradient."""
         coordinates, (_, *dgaps) = self.along_coordinates.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
+        rotations = [along_name(adjoint_name(s)) for s in self.sweeps if s == "rotations"]
         rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.w.forces)
-        quadratic = [s for s in self.sweeps if s not in POSES]
         forces = tuple(replace(f, lanes=True, twice=True) for f in self.w.forces)
         return [
             *self._tangents(),
             *map(Zero, (*gradient, *(a.tangent() for a in self.bars))),
-            self._back_along("adjoints", quadratic, forces),
+            performed(
+                "tangents_of_adjoints",
+                "Tangents of the adjoints for the multipliers known so far: the change of the gradient.",
+                (*self._quadratic(), *forces),
+            ),
             *self._solved(dgu, dgaps[0]),
-            changed("velocities", "rate_gaps", "velocities"),
-            self._back_along("poses", POSES, (Prepare(GROUND_TWICE, True),)),
+            performed(
+                "tangents_of_poses",
+                "Adds the change with the multipliers of conditions on velocities, and tangents of the adjoints of poses.",
+                (
+                    *(Run(s, True) for s in (back_name("rate_gaps"), "poses_inward", *rotations)),
+                    Prepare(GROUND_TWICE, True),
+                ),
+            ),
             *run_along("coordinate_forces"),
             *self._solved(coordinates, dgaps[1]),
             changed("positions", "gaps", *(s for s in reversed(POSES) if s in self.sweeps)),
@@ -188,10 +197,23 @@ class WithLoops:
             *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
 
-    def _back_along(self, of: str, sweeps: Collection[str], after: tuple[Step, ...] = ()) -> Perform:
-        steps = (Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps) if s in sweeps)
-        doc = "Tangents of the adjoints for the multipliers known so far: the change of the gradient."
-        return performed(f"tangents_of_{of}", doc, (*steps, *after))
+    def _quadratic(self) -> tuple[Run, ...]:
+        """Tangents of the adjoints of all sweeps but those of poses."""
+        names = [along_name(adjoint_name(s)) for s in backward_in_loops(self.sweeps) if s not in POSES]
+        if not self.w.elements:
+            names[-2:] = ["adjoints_inward"]
+        return tuple(Run(s, True) for s in names)
+
+    def _values_along(self) -> tuple[Step, ...]:
+        """Tangents of values with the multipliers held, and of ``M z + E^T y`` and ``E z`` at fixed z and y."""
+        zero = tuple(Zero(a.tangent()) for a in (self.udot_bar, self.multiplier_bar))
+        if self.w.elements:  # loads depend on velocities, and accelerations on loads
+            names = [*map(along_name, self.of_values), *map(mass_name, OF_MASS)]
+        else:
+            rotations = [along_name(s) for s in self.of_values if s == "rotations"]
+            of_loops = (along_name("wrenches"), *map(mass_name, OF_MASS[1:-1]))
+            names = [*rotations, "tangents_outward", *of_loops, "tangents_inward"]
+        return (Prepare(ADJOINT_TANGENTS, True), *zero, *(Run(s, True) for s in names))
 
     def _tangents(self) -> list[Step]:
         """Tangents of values, of the wrenches, and of the virtual motion."""
@@ -200,11 +222,6 @@ class WithLoops:
         dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
         gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
-        masses: tuple[Step, ...] = (
-            *(Run(along_name(s), True) for s in WITH_WRENCHES),
-            *(Zero(a) for a in (of_mass, of_gaps)),
-            *(Run(mass_name(s), True) for s in reversed(self.sweeps) if s in OF_MASS),
-        )
         return [
             *w.along,
             Own(found_dudot),
@@ -217,12 +234,14 @@ class WithLoops:
             Bind(self.found, self.wrench),
             performed(
                 "tangents_of_values",
-                "Tangents of the tree's inverse dynamics, with the multipliers held.",
-                (Prepare(ADJOINT_TANGENTS, True), *(Run(along_name(s), True) for s in self.of_values)),
+                "Tangents of the tree's inverse dynamics, with multipliers held; of M z + E^T y and E z, with z and y held.",
+                self._values_along(),
             ),
             *self._solved(dforce, self.wrench),
             performed(
-                "tangents_of_masses", "Tangents of wrenches, and of M z + E^T y and E z at fixed z and y.", masses
+                "tangents_of_wrenches",
+                "Tangents of the wrenches of the loops, and of the joint forces with them.",
+                tuple(Run(along_name(s), True) for s in WITH_WRENCHES),
             ),
             Combine(self.side.tangent(), (), (of_mass,)),
             Combine(gap_side, (), (of_gaps,)),

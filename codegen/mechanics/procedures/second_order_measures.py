@@ -175,6 +175,7 @@ class Measures(WithLoops):
             *found,
             *(Own(a) for a in (self.side, self.along_coordinates)),
             *map(Own, (rate_gap, gap)),
+            *run("multiplier_gains"),
             self._all_back("speeds", [s for s in self.sweeps if s not in ("rate_gaps", "gaps")]),
             *self._single(self.gu, rate_gap),
             self._all_back("coordinates", [s for s in self.sweeps if s != "gaps"]),

@@ -6,13 +6,26 @@ from ...program.counting import sweeps
 from ...program.procedure import (
     PASSING_ADJOINTS,
     Check,
+    Perform,
     Prepare,
     Procedure,
     Run,
     walk,
 )
-from ..sweeps import GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name
+from ..sweeps import GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, SWEEPS, transpose_name
 from .transposed import ALONE
+
+
+def check_names(found: tuple[Procedure, ...]) -> None:
+    """Check that no routine has the name of a sweep, since both become functions of generated code.
+
+    Raises
+    ------
+    AssertionError
+        Names the routines.
+    """
+    taken = SWEEP.keys() & {s.routine.name for p in found for s in walk(p.steps) if isinstance(s, Perform)}
+    assert not taken, f"routines have the names of sweeps: {', '.join(sorted(taken))}"
 
 
 def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
