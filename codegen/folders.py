@@ -54,7 +54,7 @@ def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
     try:
         if not folder.exists():
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                folder.stat()  # raises for a link to itself, which `resolve` only does before Python 3.13
+                folder.stat()  # raises for a link to itself; from Python 3.13 on, `resolve` does not
             _refuse_unwritable(folder)
             return []
         if not folder.is_dir():

@@ -37,7 +37,7 @@ def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Ar
 
 
 Curvature = Callable[[ArrayLike, Array], Array]
-"""A function of x and a direction that returns products (m, n) of the functionals' Hessians with it."""
+"""A function of x and a direction that returns products (m, n) of the functionals' Hessians with the direction."""
 
 
 def nonlinear(point: At, at: slice, low: Array, high: Array, curvature: Curvature) -> Any:

@@ -94,7 +94,7 @@ class Profile:
         self.low, self.high = bounds
         residuals, jacobian = problem.at(x)
         self.least = float(residuals @ residuals)
-        # others follow the variable as the linear model predicts
+        # the other variables follow this one as the linear model predicts
         self.along = np.zeros(len(x))
         self.along[i] = 1.0
         if len(self.others):
@@ -132,7 +132,8 @@ class Profile:
         return float(residuals @ residuals)
 
     def end(self, factor: float, sign: float) -> float:
-        """The change of the variable at which the signed root is `sign` times `factor`; that to the bound if this is nearer."""
+        """The change of the variable at which the signed root is `sign` times `factor`; to the bound if the bound is
+        nearer."""
         room = float((self.high if sign > 0 else self.low)[self.i] - self.x[self.i])
         near, at_near, far = 0.0, 0.0, math.inf
         change = sign * factor * self.deviation

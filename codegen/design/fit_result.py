@@ -19,8 +19,8 @@ PART = 1e-3
 """A variable belongs to an undetermined direction if its entry exceeds this fraction of the largest entry."""
 
 SURE = 100.0
-"""Sum of squares per degree of freedom, in units of sigma, above which standard deviations from sigma mean nothing, as
-a warning says."""
+"""Sum of squares per degree of freedom, in units of sigma. Above this number, a warning says that standard deviations
+from sigma mean nothing."""
 
 NO_PROGRESS, FEW_MOTIONS = 0.99, 20
 """A search has made no progress if it leaves more than this fraction of the initial cost after more than this number of

@@ -1,7 +1,7 @@
 """A digest of everything on which the result of a function depends: its code, and everything to which the code refers.
 
 It uses the compiled code, since the text in the file may have been edited after the import. Comments and docstrings do not count.
-Python's version does, because the compiled code depends on it.
+Python's version counts, because the compiled code depends on it.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def check_couplings(model: Model, drafts: list[Draft]) -> None:
     """Check that every coupling determines a coordinate. Redundant couplings would be consistent only for special
     values of the parameters.
 
-    In an ear with loops one of the conditions may be redundant; which one is not defined.
+    In an ear with loops one of the conditions may be redundant, but no single condition can be named.
     """
     for draft in drafts:
         if draft.rows > len(draft.dependent) and all(model.loops[i].is_coupling for i in draft.loops):

@@ -264,8 +264,8 @@ def _mended(sweep: Sweep, order: Order, stuck: Open) -> Order:
 
 
 def _others(order: Order, i: int, sharing: list[int]) -> Iterator[tuple[Order, int]]:
-    """Other orders, each with the number of ears to test: first orders without a new cluster, then with one around ear
-    i."""
+    """Other orders, each with the number of ears to test: first orders without a new cluster, then orders with
+    a cluster around ear i."""
     before, ear, after = order[:i], order[i], order[i + 1 :]
     for j in sharing:
         yield before[:j] + [ear] + before[j:] + after, i + 1

@@ -21,8 +21,8 @@ CHOICE: Final = "choice"
 value. ``if`` uses it."""
 
 VANISHING: Final = "vanishing"
-"""In trees only: a product that is 0 if its first factor is, even if the second one is infinite or has no value; see
-`regular`."""
+"""In trees only: a product that is 0 if its first factor is 0, even if the second factor is infinite or has no value;
+see `regular`."""
 
 WRAPPED: Final = "wrapped"
 """In trees only: ``mod`` in an expression that is smooth where the remainder jumps, such as a periodic cubic table."""

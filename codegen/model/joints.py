@@ -87,7 +87,7 @@ class JointType(Entry):
         """Descriptions and units of the reflected rotor inertias: one for each speed, or one for a spherical joint.
 
         The speeds of a spherical joint are components in rotating axes: different inertias would require gyroscopic moments.
-        Joints that move freely have none.
+        Free joints have no armature.
         """
         found: dict[int, tuple[str, str]] = {}
         for m in cls.motion:

@@ -75,8 +75,8 @@ def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
 
 
 def _has_branches(tree: Tree, varies: Callable[[str], bool]) -> bool:
-    """Whether a tree calls a function that changes its branch. `atan2` does if its first argument may pass zero while the
-    second is not positive."""
+    """Whether a tree calls a function that changes its branch. `atan2` changes its branch if its first argument may
+    pass zero while the second is not positive."""
     if tree[0] != "call" or tree[1] not in BRANCHES:
         return False
     if tree[1] == "atan2":
@@ -403,8 +403,8 @@ def _clamp_of_step(tree: Tree) -> Tree | None:
     """The clamped argument of a part of a cubic table or of the function ``step``, whose second derivatives are
     continuous; None for another tree.
 
-    They are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``; in a table,
-    s is this minus a number.
+    Such parts are polynomials ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)`` of ``s = min(max(..), ..)``; in
+    a table, s is this minimum minus a number.
     """
     if tree[0] != "*":
         return None

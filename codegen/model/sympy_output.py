@@ -23,7 +23,7 @@ def to_sympy(
     """Return the expression of sympy that equals an expression of a model.
 
     Integers and their quotients are exact, and the double nearest to pi is pi. The model takes some products as zero if one
-    factor is, even if the other has no value; sympy gets a plain product. ``mod`` is written with a floor.
+    factor is zero, even if the other has no value; sympy gets a plain product. ``mod`` is written with a floor.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Tables of a model file as expressions: linear between their points, or a cubic spline through them.
 
-On the segment from x_i to x_(i+1), ``s_i = min(max(x_i, x), x_(i+1)) - x_i`` is the part of it below x. With polynomials p_i that
-are zero at zero, the table is ``y_0 + sum p_i(s_i)``: segments below x count in full, those above x not at all. This is an
-expression of the grammar, so every engine can evaluate and differentiate it. For equal arguments, ``min`` and ``max`` have the
-derivative of the first one. So exactly at a point, the slope is that on its left: neighbours compare x with the same number, and
-only the left one counts there.
+On the segment from x_i to x_(i+1), ``s_i = min(max(x_i, x), x_(i+1)) - x_i`` is the part of it below x. With
+polynomials p_i that are zero at zero, the table is ``y_0 + sum p_i(s_i)``: segments below x count in full, segments
+above x not at all. This is an expression of the grammar, so every engine can evaluate and differentiate it. For equal
+arguments, ``min`` and ``max`` have the derivative of the first one. So exactly at a point, the table has the slope on
+the left of the point: neighbours compare x with the same number, and only the left one counts there.
 
 A periodic table is repeated after its last point. x is reduced by whole periods to a value above 0 and up to one
-period, so that the slope at the seam is also that on the left. A cubic one is as smooth at the seam as elsewhere.
+period, so that the seam also has the slope on its left. A cubic periodic table is as smooth at the seam as elsewhere.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Table:
     def _before_kinks(self, at: Expression) -> Expression:
         """The argument, constant beyond those ends of a cubic table at which its slope jumps to zero.
 
-        The parts of a cubic table count as smooth, so that motions do not stop at its points; they do at this limit.
+        The parts of a cubic table count as smooth, so motions do not stop at its points; motions stop at this limit.
         """
         first, last = (abs(float(e.value)) > LEVEL * self._steepest for e in self._slopes())
         if first:

@@ -119,7 +119,7 @@ Floor = _elementary("Floor")
 """The largest integer not above x; its derivative is zero."""
 
 HeldFloor = _plain("HeldFloor")
-"""Rounding with a mode: a positive one selects the nearest even integer, a negative one the nearest odd one."""
+"""Rounding with a mode: a positive mode selects the nearest even integer, a negative mode the nearest odd integer."""
 
 
 def Modulo(*arguments: object) -> Expr:

@@ -20,10 +20,10 @@ sin(t/2) instead, where t is the angle between axes that should be parallel, or 
 agree to first order. A universal joint is closed in both positions.
 
 A condition on a point is ``f(s) = 0``, with s = R_s^T r the position of the end in the start face. With n = R_s grad f
-and v' = v_e - v_s - w_s x r it has the same row. Its remainder is n . a' + v'^T (R_s H R_s^T) v', with a' the
-acceleration relative to the start face at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s),
-r . (a_e - a_s) + (v_e - v_s)^2. Conditions on points are divided by the length of their gradient and by the
-characteristic length.
+and v' = v_e - v_s - w_s x r its row is that of a linear condition. Its remainder is n . a' + v'^T (R_s H R_s^T) v',
+with a' the acceleration relative to the start face at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r .
+(v_e - v_s), r . (a_e - a_s) + (v_e - v_s)^2. Conditions on points are divided by the length of their gradient and by
+the characteristic length.
 
 A coupling is ``sum of factor q - offset = 0``. Its Jacobian consists of the factors, and its remainder is zero.
 """

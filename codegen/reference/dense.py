@@ -189,7 +189,7 @@ class DenseEngine(Engine):
         return pairs.block([[w if given and x.turned else -w] for w, x in zip(acting, self.model.loops, strict=True)])
 
     def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
-        """Multipliers of least norm, (m, 1), equivalent to those of a subset; those of dropped conditions are zero."""
+        """Multipliers of least norm, (m, 1), equivalent to the multipliers of a subset; zero for dropped conditions."""
         rows = self._subset(jacobian.value)
         dependent = jacobian[:, self.dependent]
         W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition as a combination of the subset

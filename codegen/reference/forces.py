@@ -289,7 +289,7 @@ class BushingLaw(Law[Bushing]):
 
     @staticmethod
     def _turn(element: Bushing, pairs: Pairs, ends: Sequence[End]) -> tuple[Pair, tuple[Pair, Pair, Pair, Pair]]:
-        """The rotation vector; w, e, F and the derivative of F with respect to w.
+        """The rotation vector r, and w, e, F of the class's formulas, with the derivative of F with respect to w.
 
         Raises
         ------

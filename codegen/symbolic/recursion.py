@@ -247,7 +247,8 @@ def _planned(
 
 
 class _Reader:
-    """Numbers and converts the statements of a plan, and the transposes of formulas whose targets are in `backwards`."""
+    """Converts, and gives numbers to, the statements of a plan and the transposes of formulas with targets in
+    `backwards`."""
 
     def __init__(self, system: System, plan: Plan, backwards: set[str]) -> None:
         self.system, self.plan, self.backwards = system, plan, backwards

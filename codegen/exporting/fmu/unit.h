@@ -52,7 +52,7 @@ struct unit {
     scalar *q, *u, *p, *inputs;       /* dependent entries of q and u are those of the last closed state */
     scalar *modes;                    /* [ns] held modes; 0 for actual branches */
     scalar *known;                    /* [1 + nfq + np + ni] time, independent coordinates, parameters, inputs of the last closed state */
-    int computed;                     /* the following are those of the current state */
+    int computed;                     /* the next four arrays belong to the current state */
     scalar *qdot, *udot, *outputs, *switches;
     scalar *way, *near;               /* arguments and coordinates between the last closed state and the current one */
     scalar *dq, *du, *dp, *di, *dt;   /* seeds or gradients */

@@ -76,7 +76,7 @@ static scalar *unknown_of(const unit *x, unsigned variable, scalar *factor)
     }
 }
 
-/* Adds to the seeds those of initial values that follow from the parameters until initialisation ends. Returns the status of a function. */
+/* Until initialisation ends: adds the seeds of initial values that follow from the parameters. Returns the status of a function. */
 static int seed_initial(unit *x)
 {
     const ordernm_system *const s = x->system;

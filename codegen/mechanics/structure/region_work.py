@@ -18,8 +18,8 @@ from .graph import Region
 from .links import Link
 
 FEW_SOURCES = 5
-"""Loops with at most this many independent speeds form one region: the six components of a link's acceleration are never fewer
-unknowns."""
+"""Loops with at most this many independent speeds form one region. Separate regions have at least as many unknowns: the
+six components of a link's acceleration."""
 
 GAIN = 0.4
 """Loops whose joints have more independent speeds form one region only if this takes less than this fraction of the

@@ -4,8 +4,8 @@ Suppose that a model file gives all bearings of a planar mechanism on the ground
 axes its conditions then have terms in all three directions, and rounding changes its lengths: a parallelogram whose
 sides differ in the last digit does not pass through its flat configuration. The ground therefore gets the axes of these
 bearings. Gravity, and positions and axes on the ground, are rotated to the new axes. The rotation of the bearings
-cancels symbolically. Rotating vectors that were rounded before leaves small numbers in place of zeros, and long ones in
-place of short decimals; `tidied` restores them.
+cancels symbolically. The rotation of rounded vectors leaves small numbers in place of zeros, and long numbers in
+place of short decimals; `tidied` restores the zeros and decimals.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
 
 
 def common_rotation(model: Model) -> Rotation:
-    """The rotation shared by most joints and faces on the ground; empty without loops on it, or if force laws read positions.
+    """The rotation shared by most joints and faces on the ground; empty if no loop closes on the ground, or if force
+    laws read positions.
 
     A rotation that depends on a parameter is not used: the parameter is there to move the mechanism in the world.
     """

@@ -133,7 +133,7 @@ def differentiate(
     """Append the tangents of all statements so far, except those in `extra`, whose tangents are given; returns None on
     zero patterns.
 
-    `same` maps a value to an earlier one that equals it and whose tangent it takes. With `own`, tangents are along the
+    `same` maps a value to an earlier, equal value, whose tangent serves for both. With `own`, tangents are along the
     link's own coordinates and speeds only. `also` maps further stores to the stores of their tangents.
     """
     if not isinstance(x, Expansion):

@@ -101,7 +101,8 @@ def labels_of(kind: LinkKind) -> list[str]:
 
 
 def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
-    """Unknowns needed after elimination of degree of freedom j. After the last, a link on the ground needs none of its own."""
+    """Unknowns needed after elimination of degree of freedom j. After the last one, a link on the ground needs no
+    unknown of its own."""
     return range(0 if j > 0 or kind.has_parent else 6, count)
 
 

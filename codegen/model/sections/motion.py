@@ -62,7 +62,7 @@ def _read_values(
 
 
 def _kinked(at: Instance, value: object, kink: Kink) -> str:
-    """Message about a motion that jumps, or whose velocity does, with advice."""
+    """Message about a motion that jumps, or whose velocity jumps, with advice."""
     where = f"at t = {kink.t:.9g} s" if kink.t is not None else f"where inputs change the branch of {kink.node}"
     what = "velocity" if kink.order else "value"
     called = [t for n, t in at.part.tables.items() if re.search(rf"\b{re.escape(n)}\s*\(", str(value))]

@@ -211,7 +211,7 @@ typedef struct {
                                * bodies. Python's simulate finds such a jump in advance, and ends the motion before it */
     int late;                 /* 0, or 1 + index of a switch passed at a pose where a loop loses rank; no step can end at such a pose */
     ordernm_scalar late_at;   /* time of that switch; the branch before the switch was used for a tenth of a step longer */
-    int component;            /* state entry that limited the step size or was not finite; for the meaning in other cases see the reasons */
+    int component;            /* state entry that limited the step size or was not finite; some reasons give the number another meaning */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set by the caller: functions in long double are not available */
     ordernm_scalar condition; /* the largest condition number of the closure matrices */

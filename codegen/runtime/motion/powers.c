@@ -223,8 +223,8 @@ static int grow(ordernm_motion *m, scalar h, int last)
     return 0;
 }
 
-/* A switch at whose zero a step starts or ends (a constant step, or one with other switches), if derivatives of rates are unbounded there; -1 if
- * there is none. */
+/* A switch at whose zero a step starts or ends, if derivatives of rates are unbounded there; -1 if there is none. Such a step is constant,
+ * or passes other switches too. */
 int ordernm_growing_power(ordernm_motion *m, const trial *step)
 {
     for (int i = 0; i < m->nheld && (!m->adaptive || m->root == MANY_ROOTS); ++i) {

@@ -202,7 +202,7 @@ class Solver(Package):
         """Return the partial derivatives of udot.
 
         In mechanisms with loops the columns of dependent coordinates and speeds are zero: the columns of the independent ones
-        contain their effect.
+        contain the effect of the dependent ones.
 
         Parameters
         ----------
@@ -1248,7 +1248,7 @@ class Solver(Package):
         """Return kinetic and potential energy.
 
         The potential energy of gravity is zero at the ground's origin, that of springs at their free length. Joint
-        forces, forces, torques and actuators have none.
+        forces, forces, torques and actuators have no potential energy.
 
         Parameters
         ----------
@@ -1912,7 +1912,7 @@ class Solver(Package):
         -------
         ndarray (..., n, 6, nu)
             Rows: angular velocity, then velocity of the body's origin, along the ground's axes. Columns of dependent
-            speeds are zero; the columns of the independent ones contain their effect.
+            speeds are zero; the columns of the independent ones contain the effect of the dependent ones.
 
         Examples
         --------

@@ -146,7 +146,7 @@ static const number numbers_of_constants_0[1][9] = {
 
 #ifdef ORDERNM_VECTORS
 /* Number of angles whose sines are computed at once: at most four, even if vectors hold eight, since scalar code would wait longer for
- * eight sines than a vector of eight saves. With several states it is one angle of each. */
+ * eight sines than a vector of eight saves. With several states, vectors hold one angle of each state. */
 #ifdef ORDERNM_STATES
 enum { ANGLES_AT_ONCE = 1 };
 typedef vector_8 angles_at_once;

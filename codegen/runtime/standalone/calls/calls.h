@@ -75,7 +75,7 @@ static long step_of(number *const *x, long at, long n)
     return x[STEPS] ? ((const long *)x[STEPS])[at] : n;
 }
 
-/* The bit with which OVER marks a seed that is already in the lanes, because all states share it. */
+/* The bit with which OVER marks a seed that all states share, and that is already in the lanes. */
 static long kept(int seed)
 {
     return (long)KEPT << (seed - FIRST_SEED);

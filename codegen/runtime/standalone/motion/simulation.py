@@ -217,7 +217,8 @@ class Simulation(Reasons):
     def _before_kinks(
         self, start: float, end: float, times: Array, p: Array, inputs: Inputs
     ) -> tuple[float, Array, str]:
-        """End time and result times before the first kink of prescribed motion, and the reason, if there is a kink."""
+        """End time and result times before the first kink of prescribed motion, and the reason for an earlier end, if
+        there is a kink."""
         if "branching_motion" not in self._manifest:
             return end, times, ""
         from .prescribed_branches import before_kinks

@@ -1,4 +1,4 @@
-"""Motion of body frames and of points fixed in bodies; that of points follows from that of frames."""
+"""Motion of body frames and of points fixed in bodies; the motion of points follows from the motion of frames."""
 
 from __future__ import annotations
 

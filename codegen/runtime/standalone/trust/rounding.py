@@ -1,9 +1,9 @@
 """Estimates rounding errors by repeating a computation with all operations rounded up, and again rounded down.
 
-The O(n) recursion is insensitive to the condition number of the mass matrix, so that number does not indicate its error.
-Repetition with other rounding modes does: it changes the rounding errors by their own size. This is the idea of J. Vignes's
-CESTAC method, here with two of the three usual modes and without random numbers. The result with rounding to nearest usually lies
-between the two others, and is closer to the exact one."""
+The O(n) recursion is insensitive to the condition number of the mass matrix, so this number does not indicate errors.
+Repetition with other rounding modes indicates them, because rounding errors then change by their own size. This is the
+idea of J. Vignes's CESTAC method, here with two of the three usual modes and without random numbers. The result with
+rounding to nearest usually lies between the two others, and is closer to the exact one."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ on all processors."""
 NEAREST = 0
 
 SHARE = 1.0 / 3.0
-"""Ratio of the error with rounding to nearest to the larger of the two differences. On average, an operation is off by a quarter
-of its last place to nearest, but by half of it, always to the same side, in a directed mode. Measured; see docs/theory.md,
-section 9."""
+"""Ratio of the error with rounding to nearest to the larger of the two differences. On average, rounding to nearest
+changes a result by a quarter of its last place; directed rounding changes it by half a place, always to the same side.
+Measured; see docs/theory.md, section 9."""
 
 UNIT = 2.0**-53
 """Relative rounding error of one operation to nearest; it is the smallest error of any number."""
