@@ -100,8 +100,8 @@ def check_initial_state(variables: Variables, x: Array) -> None:
         return
     if "initial_at_rest" in solver._manifest:
         raise ValueError(
-            "hessp: the model's initial state is an equilibrium, and q, u or variables replace some of it; allowed are only "
-            "the model's initial state, or q and u of all independent coordinates and speeds"
+            "hessp: the model's initial state is an equilibrium, and q, u or variables replace a part of it; use "
+            "the model's initial state, or give q and u of all independent coordinates and speeds"
         )
     if not solver._has("initial_sensitivities"):
         return
@@ -118,8 +118,8 @@ def check_initial_state(variables: Variables, x: Array) -> None:
         for i, name in enumerate(names):
             if name in independent and name not in known and slopes[:, i].any():
                 raise ValueError(
-                    f"hessp: the initial value of {name} is a nonlinear formula of variables, and q, u or variables replace "
-                    f"other initial values; only linear formulas are allowed then. Give {name} in {of}, or make it a variable"
+                    f"hessp: the initial value of {name} is a nonlinear formula of variables, but q, u or variables replace "
+                    f"other initial values, which permits only linear formulas. Give {name} in {of}, or make it a variable"
                 )
 
 

@@ -287,7 +287,7 @@ class Fit:
         """
         i, factor = self._place(name), self._factor(probability)
         if self.search is None:
-            raise ValueError("profile: the loss of this fit is not 'linear'; allowed are fits with loss='linear'")
+            raise ValueError("profile: the loss of this fit is not 'linear'; profile needs a fit with loss='linear'")
         if name in self.at_bounds:
             raise ValueError(f"profile: {name} is at its {self.at_bounds[name]} bound; move the bound, and fit again")
         if math.isinf(self.deviations[i]):

@@ -180,8 +180,8 @@ class _SteppingBack:
         product = self.objective.hessp(x, v)
         if not np.isfinite(product).all():
             raise ValueError(
-                "optimize: the objective has no finite second derivatives at an x of the search; allowed are models and "
-                "functionals whose Hessian products are finite. Use method 'L-BFGS-B' or 'SLSQP', which need none"
+                "optimize: the objective has no finite second derivatives at an x of the search; this method "
+                "needs finite Hessian products. Use method 'L-BFGS-B' or 'SLSQP', which need none"
             )
         return product
 

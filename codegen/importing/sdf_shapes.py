@@ -52,7 +52,9 @@ class ShapeReader(PartReader):
             elif min(solid.sizes) > 0:
                 total = total + of_density(solid, self.density(element, whole))
             else:
-                reader.wrong(element, "a size of the geometry is not above zero; its mass is needed here")
+                reader.wrong(
+                    element, "the geometry has a size that is not above zero, so it has no mass; a mass is needed here"
+                )
         mass = inertial.first("mass")
         if mass is None or total.mass <= 0:
             return total

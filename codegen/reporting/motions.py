@@ -141,7 +141,7 @@ def _known(
     solver: Solver, names: Sequence[str], method: str, end: float, found: dict[str, Any], skipped: list[Skipped]
 ) -> tuple[float, float, Trajectory] | None:
     """The final time, s, up to which a motion is accurate; the tolerance of the reference; and the reference motion.
-    None if there is none."""
+    None if there is no such motion."""
     while True:
         reference, best, beside = _reference(solver, end, names, method)
         if isinstance(best, str) or isinstance(beside, str):

@@ -48,8 +48,8 @@ def said(model: Model) -> list[str]:
             "closed_chain",
             "region of end (links link_12, link_13, link_14, link_15, link_16): base link_11, a region of one ear, since its "
             "loops share links with more than 5 independent speeds and a common region would not save enough operations "
-            "(docs/theory.md, 4.3); it is the only moving link among those that carry its links or the faces of its loops; the "
-            "other is the ground; moves with the motion of the base",
+            "(docs/theory.md, 4.3); the base is the only moving link that carries links of the region or faces of its loops; "
+            "the ground carries the others; moves with the motion of the base",
         ),
     ],
 )
@@ -60,9 +60,9 @@ def test_of_examples(name: str, line: str) -> None:
 def test_of_links_on_two_branches() -> None:
     assert said(parse_model(ARMS)) == [
         "region of hold (links b_0_6, b_1_5, b_1_6): base b_0_5, a region of one ear, since its loops share links with more than "
-        "5 independent speeds and a common region would not save enough operations (docs/theory.md, 4.3); it is the moving link "
-        "that carries most of its links, or the first of several such links: 1 on b_0_5, 1 on b_1_4; moves with the motion of "
-        "b_1_4 relative to the base"
+        "5 independent speeds and a common region would not save enough operations (docs/theory.md, 4.3); the base is the moving "
+        "link that carries most links of the region, or the first of several such links: 1 on b_0_5, 1 on b_1_4; moves with the "
+        "motion of b_1_4 relative to the base"
     ]
 
 

@@ -45,12 +45,15 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
     if region.far:
         hanging = [ear.roots[-1 - p] for ear in ears for p in ear.parents if p < 0]
         counts = ", ".join(f"{hanging.count(i)} on {_name(links, i)}" for i in (region.base, *region.far))
-        why = f"{_ALONE}; it is the moving link that carries most of its links, or the first of several such links: {counts}"
+        why = (
+            f"{_ALONE}; the base is the moving link that carries most links of the region, or the first of several such "
+            f"links: {counts}"
+        )
         sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} relative to the base")
     elif not region.rigid:
         why = (
-            f"{_ALONE}; it is the only moving link among those that carry its links or the faces of its loops; the other is the "
-            f"ground"
+            f"{_ALONE}; the base is the only moving link that carries links of the region or faces of its loops; the "
+            f"ground carries the others"
         )
         sources.append("the motion of the base")
     else:

@@ -11,7 +11,7 @@ struct ordernm_adjoint {
     ordernm_motion *motion;
     int width, index, ngroups;        /* functionals per group, and number of groups */
     int n;                            /* number of integrated entries with derivatives */
-    long *sampled, behind;            /* number of output times still to process: for each group, and for outputs after jumps */
+    long *sampled, behind;            /* numbers of output times still to process, by group; the second is for outputs after jumps */
     long timed;                       /* index of the time after a jump that the next switch determines; -1 for none */
     scalar *lambda;                   /* [ngroups][n][width] */
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */

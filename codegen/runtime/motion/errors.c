@@ -14,7 +14,7 @@ int ordernm_counted(const ordernm_motion *m)
     return m->ny + m->nx + (m->ny ? 0 : m->nd);
 }
 
-/* The mean square of n errors in tolerances; a tolerance is the sum of an absolute one and of a relative one times the larger of two
+/* The mean square of n errors in tolerances. A tolerance is the absolute tolerance, plus the relative tolerance times the larger of two
  * magnitudes. */
 static scalar mean_square(long n, long step, const scalar *error, const scalar *a, const scalar *b, const scalar *atol,
     int same, scalar rtol)

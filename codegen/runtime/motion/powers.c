@@ -113,8 +113,8 @@ static int root_at_start(ordernm_motion *m, int *some)
 }
 
 /* If the motion begins with a speed at the zero of a root, the first step treats the root as one that was just passed. Rates of derivatives
- * along directions that move this zero are infinite at the start, but not needed: they are set to zero. Returns a root at whose zero the
- * motion begins otherwise, so that some derivatives may not exist; -1 if there is none. */
+ * along directions that move this zero are infinite at the start, but not needed: they are set to zero. If the motion begins at the zero of
+ * a root in another way, returns this root, since some derivatives may not exist; else -1. */
 int ordernm_begin_at_root(ordernm_motion *m)
 {
     int some;

@@ -200,8 +200,8 @@ class FunctionalGradients(Simulation):
         total = np.zeros((len(by_state), len(factors), len(dp)))
         if "initial_at_rest" in self._manifest and omitted.any():
             raise ValueError(
-                "hessian: the model's initial state is an equilibrium that depends on parameters; allowed are "
-                "initial values that are numbers or formulas. Give q and u of that equilibrium, which then count as constant"
+                "hessian: the model's initial state is an equilibrium that depends on parameters, but hessian "
+                "needs numbers or formulas as initial values. Give q and u of that equilibrium, which then count as constant"
             )
         if not omitted.any() or not self.package._has("initial_sensitivities"):
             return total

@@ -63,9 +63,9 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
     """
     what = ""
     if package.coordinate_names != package.speed_names:
-        what = f"{package.name} has quaternions; allowed are models whose speeds are the rates of their coordinates"
+        what = f"{package.name} has quaternions, but hessian needs speeds that are the rates of coordinates"
     elif "switches" in package._functions:
-        what = f"{package.name} has forces or outputs with branches (such as abs, min or a comparison); allowed are smooth ones"
+        what = f"{package.name} has forces or outputs with branches (abs, min, a comparison, ...), but hessian needs smooth ones"
     elif method == "radau":
         what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
     elif any(isinstance(f, AtEvent) for f in wanted):
@@ -88,7 +88,7 @@ def check_joints(name: str, system: Any) -> None:
     """
     if system.split:
         raise ValueError(
-            f"hessian: a joint of {name} has both independent and dependent speeds; allowed are choices of independents "
+            f"hessian: a joint of {name} has both independent and dependent speeds; choose independents "
             "that take all speeds of a joint, or none. Gradients are available without hessian"
         )
 
