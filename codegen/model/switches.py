@@ -251,8 +251,8 @@ class Switches:
         """The tree in which functions with branches are replaced by held functions.
 
         The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
-        smooth enough in a force, are therefore held in prescribed motion. At the seam of a periodic table the argument
-        is held, too; in a force, the argument alone.
+        smooth enough in a force, are therefore held in prescribed motion. The argument of a periodic table is held at
+        the seam, in forces and in prescribed motion.
         """
         if tree[0] in ("number", "name"):
             return tree

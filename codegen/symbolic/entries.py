@@ -43,7 +43,7 @@ def floats(e: sympy.Expr) -> sympy.Expr:
 
 
 def steps(inner: dict[sympy.Symbol, sympy.Expr], cse: bool, entries: Any) -> tuple[list[Any], Any]:
-    """Definitions to be evaluated first, and the entries in terms of them. Defined are `inner` or common
+    """Definitions to be evaluated first, and the entries in terms of them. The definitions are `inner` or common
     subexpressions, and parts of long sums."""
     before, entries = sympy.cse(entries, list=False) if cse and not inner else (list(inner.items()), entries)
     found: list[Any] = []

@@ -156,7 +156,7 @@ class _Parts:
     ----------
     w : Shared
     motion : str
-        The sweep that computes accelerations: those of the forward dynamics, or from given udot.
+        The sweep that computes accelerations, by forward dynamics or from given udot.
     of : str
         Appended to the names of the routines.
     """

@@ -5,7 +5,8 @@ to rotation (`turning`), but no derivative of the inverse dynamics:
 
     inward    from its own link, the force P that the column causes: r = -P^T P_k, propagated as in Eq. 45
     outward   on links that it does not rotate, ``d udot = r/D - G . (X dA_pr)``, as for any right side (Eqs. 53-55)
-    outward   on its own link and those outboard, ``- t . dw_pr`` too, and ``dA = X dA_pr + C dw_pr + P d udot``
+    outward   on its own link and all links outboard of it, also ``- t . dw_pr`` in ``d udot``, and
+              ``dA = X dA_pr + C dw_pr + P d udot``
 
 A coordinate or a speed of a link changes the link's own motion, with udot held, by the tangent of the link's kinematics
 alone. It changes the force by ``I dA + W dw``, and on the parent by the rotation of the transmitted force.

@@ -765,10 +765,10 @@ class Solver(Package):
     ) -> Diagnosis:  # fmt: skip
         """Estimate rounding errors and conditions at one state.
 
-        The code itself gives the estimates: it runs once with every operation rounded up, and once rounded down. They
-        follow the algorithm, whose errors no condition number bounds in general, and are right within a factor of 30 in
-        most cases (docs/theory.md, section 9). Errors of the arguments are not included: `argument_error` shows the
-        effect of a unit in their last places.
+        The code itself gives the estimates: it runs once with every operation rounded up, and once rounded down. So the
+        estimates follow the algorithm; no condition number bounds its errors in general. In most cases they are right
+        within a factor of 30 (docs/theory.md, section 9). Errors of the arguments are not included: `argument_error`
+        shows the effect of a unit in their last places.
 
         Parameters
         ----------
