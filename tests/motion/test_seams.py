@@ -131,3 +131,53 @@ def test_a_cubic_table_with_a_slope_at_its_end(tmp_path: Path) -> None:
             method="forward", rtol=rtol, atol=rtol,
         )  # fmt: skip
         assert found.gradients == pytest.approx(np.array([[exact]]), abs=3e-7)
+
+
+SHAKEN = """
+model: shaken
+parameters: {T: 0.37, s: 0.2, k: 20.0}
+tables:
+  way: {x: [0, 0.5, 0.6, 1.0], y: [0, 1, 0.3, 0], kind: cubic, outside: periodic}
+bodies:
+  base: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  rider: {parent: base, joint: {type: prismatic, axis: x}, mass: 1}
+motion: {base: s*way(t/T)*way(t/T)}
+forces:
+  spring: {type: joint, joint: rider, value: -k*q.rider}
+outputs: {place: {value: q.rider}}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_switches_passed_just_before_the_seam(tmp_path: Path, integrator: str) -> None:
+    """Rounding may pass the last point of a table before `mod` at the seam; a third of such motions lost their derivatives.
+
+    The rider is an oscillator under the acceleration of its base, so its motion is Duhamel's integral.
+    """
+    codegen.generate(codegen.parse_model(SHAKEN), tmp_path / "shaken", functions=("motion",), check=False)
+    shaken = codegen.load(tmp_path / "shaken")
+    way = CubicSpline([0, 0.5, 0.6, 1.0], [0, 1, 0.3, 0], bc_type="periodic")
+    end, w = 1.5, np.sqrt(20.0)
+    at, weights = np.polynomial.legendre.leggauss(30)
+
+    def place(period: float) -> float:
+        points = sorted(k * period + x * period for k in range(7) for x in (0.0, 0.5, 0.6))
+        edges = np.array([*(x for x in points if x < end), end])
+        h = np.diff(edges)[:, None]
+        t = edges[:-1, None] + h * (at + 1) / 2
+        j, first, second = (way(np.mod(t / period, 1.0), n) for n in range(3))
+        base = 0.2 * 2 * (first**2 + j * second) / period**2
+        return float(np.sum(h / 2 * weights * -base * np.sin(w * (end - t)) / w))
+
+    for period in np.linspace(0.253, 0.447, 11):
+        d = 1e-5
+        exact = (place(period - 2 * d) - 8 * place(period - d) + 8 * place(period + d) - place(period + 2 * d)) / (
+            12 * d
+        )
+        for method in ("forward", "adjoint"):
+            found = shaken.judge(
+                end, [Final("place")], p={"T": period}, wrt=["T"], method=method, integrator=integrator, rtol=1e-11,
+                atol=1e-11,
+            )  # fmt: skip
+            assert found.values == pytest.approx([place(period)], abs=1e-8)
+            assert found.gradients == pytest.approx(np.array([[exact]]), rel=1e-6, abs=1e-6), period

@@ -41,7 +41,7 @@ static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scala
     if (status) return status;
     if (left) memcpy(m->switches_kept, m->switches, m->system->nswitches*sizeof(scalar));
     m->modes[k] = by == k ? ordernm_other_mode(m, k) : 0.0;
-    if (left && *left && by == k && (status = ordernm_remove_jumped(m, k, m->switches_kept, left))) return status;
+    if (left && (*left || m->ntogether > 1) && by == k && (status = ordernm_remove_jumped(m, k, m->switches_kept, left))) return status;
     if (left && !*left && (status = ordernm_follow(m, m->t, m->z, m->crossed))) return status;
     if ((status = ordernm_rates_of(m, m->t, z, after, 0, 0, RATES | INTEGRALS))) return status;
     for (int i = 0; i < m->ngroups*LANES; ++i) m->passing_time[i] = -m->switch_along[i]/ *speed;
@@ -231,9 +231,11 @@ int ordernm_pass_switches(ordernm_motion *m)
     if ((status = slides(m, after))) return status;
     memcpy(m->z_after, m->z, m->size*sizeof(scalar));
     if (m->ntogether < 2 || !(m->together_jump || timed)) return 0;
-    m->results->together = 1 + m->together[m->ntogether - 1];
-    m->results->together_with = 1 + m->together[m->ntogether - 2];
-    m->results->together_at = m->t;
+    if (!m->results->ordered) { /* the switches at which the first derivatives are lost */
+        m->results->together = 1 + m->together[m->ntogether - 1];
+        m->results->together_with = 1 + m->together[m->ntogether - 2];
+        m->results->together_at = m->t;
+    }
     return m->ngroups ? compare_orders(m) : 0;
 }
 

@@ -190,22 +190,37 @@ int ordernm_follow(ordernm_motion *m, scalar t, const scalar *z, const scalar *c
     return status;
 }
 
-/* Removes switches from m->crossed whose functions have jumped away from zero, because the mode of switch k has changed: at the seam of a
- * periodic table, these are all switches that compare its reduced argument. Sets the modes of these switches. `before` contains the
- * functions for the old mode of switch k. Returns the status of a function. */
+/* Whether a switching function, which has been evaluated, has jumped away from zero. Returns the status of a function. */
+static int has_left_zero(ordernm_motion *m, int k, scalar before, int *left)
+{
+    scalar speed;
+    int status = 0, at_zero = 1;
+    const int jumps = m->system->switch_kind[k] <= ORDERNM_ROOT && fabs(m->switches[k] - before) > ROUNDED + fabs(before);
+    if (jumps) status = is_at_zero(m, m->t, m->z, k, AT_THE_SAME_TIME, &speed, &at_zero);
+    *left = !status && !at_zero;
+    return status;
+}
+
+/* Removes switches whose functions have jumped away from zero, because the mode of switch k has changed: at the seam of a periodic table,
+ * these are all switches that compare its reduced argument. Those in m->crossed take the modes of their functions. Those in
+ * m->together were passed before switch k, as in every perturbed motion. `before` contains the functions for the old mode of switch k.
+ * Returns the status of a function. */
 int ordernm_remove_jumped(ordernm_motion *m, int k, const scalar *before, int *left)
 {
-    int status = ordernm_switching(m, m->t, m->z);
+    int kept = 0, jumped = 0, status = ordernm_switching(m, m->t, m->z);
     for (int j = k + 1; j < m->system->nswitches && !status; ++j) {
-        const scalar jump = fabs(m->switches[j] - before[j]);
-        scalar speed;
-        int at_zero;
-        if (m->crossed[j] == 0.0 || m->system->switch_kind[j] > ORDERNM_ROOT || jump <= ROUNDED + fabs(before[j])) continue;
-        if ((status = is_at_zero(m, m->t, m->z, j, AT_THE_SAME_TIME, &speed, &at_zero)) || at_zero) continue;
+        if (m->crossed[j] == 0.0) continue;
+        if ((status = has_left_zero(m, j, before[j], &jumped)) || !jumped) continue;
         m->crossed[j] = 0.0;
         m->changed[j] = m->t;
         --*left;
     }
+    for (int i = 0; i < m->ntogether && !status; ++i) {
+        const int j = m->together[i];
+        if (j != k && (status = has_left_zero(m, j, before[j], &jumped))) break;
+        if (j == k || !jumped) m->together[kept++] = j;
+    }
+    if (!status) m->ntogether = kept;
     return status;
 }
 
