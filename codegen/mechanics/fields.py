@@ -303,7 +303,9 @@ orthogonal_entry = ScalarField(
 )
 triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
-multiplier_gain = SixField("W{}.{}.", WRENCH, OWN, "force on a root by a multiplier of one, by condition and root")
+multiplier_gain = SixField(
+    "W{}.{}.", WRENCH, OWN, "force on a root by multipliers equal to a column of Q, by column and root"
+)
 
 surface_share = ScalarField(
     "share{}.{}", "any", "", "one over the length of the gradient of a condition on a point, by loop and condition"

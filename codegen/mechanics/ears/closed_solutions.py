@@ -140,24 +140,28 @@ def _solve(x: Scope, kind: EarKind, given: Callable[[int, int], Value], own: Six
     if rows:
         right = [given(k, j) - column_of(ear, k, j).along(force[k]) for k, j in dependents(kind)]
         right = [x.let("c", v, "Eq. 9", lanes=True) for v in right]
-        found = stored_factor(x, kind).solve_transposed(right, "y", "Eq. 9", lanes=True)
+        factor = stored_factor(x, kind)
+        weights = factor.weights(right, "y", "Eq. 9", lanes=True)
+        found = factor.combined(weights, "y", "Eq. 9", lanes=True)
         for (c, i), value in zip(numbered(rows), found, strict=True):
             x.set_entry(DMULTIPLIER[c], i, value)
         for t, root in enumerate(ear.roots):
             if root.needs_force:
-                gains = [x.load(EAR, fields.multiplier_gain(n, t)) for n in range(len(rows))]
-                acting = [sum(g[i] * y for g, y in zip(gains, found, strict=True)) for i in SIX]
+                gains = [x.load(EAR, fields.multiplier_gain(n, t)) for n in range(len(weights))]
+                acting = [sum(g[i] * y for g, y in zip(gains, weights, strict=True)) for i in SIX]
                 on_roots.append(RootForce(t, [], acting))
     add_to_roots(x, ear, on_roots)
 
 
 def multiplier_gains(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: the forces of each multiplier on the roots, which are the same for all right sides. Eq. 9."""
+    """Outward block of an ear: the forces on its roots by multipliers equal to each column of Q. Eq. 9.
+
+    They are the same for all right sides. The forces of multipliers are sums of them.
+    """
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
-    for n in range(len(rows)):
-        unit: Vector = [int(n == m) for m in range(len(rows))]
-        force, on_roots = forces_at_faces(x, ear, rows, unit, lanes=False)
+    for n, column in enumerate(stored_factor(x, kind).q if rows else ()):
+        force, on_roots = forces_at_faces(x, ear, rows, column, lanes=False)
         on_roots += propagate(x, ear, force, lanes=False)
         for t, root in enumerate(ear.roots):
             if root.needs_force:

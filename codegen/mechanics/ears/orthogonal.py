@@ -65,15 +65,22 @@ class Factor:
 
     def solve_transposed(self, g: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
         """The shortest ``w`` that satisfies ``E^T w = g``."""
-        let = self.x.let
+        return self.combined(self.weights(g, name, tag, lanes), name, tag, lanes)
+
+    def weights(self, g: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
+        """The weights of the columns of Q in the shortest ``w`` that satisfies ``E^T w = g``."""
         z: Vector = []
         for j, column in enumerate(self.order):
             rest = g[column]
             for i in range(j):
                 rest = rest - product(self.R.get((i, j), 0), z[i])
-            z.append(let(f"{name}_z", product(rest, self.inverse[j]), tag, lanes=lanes))
+            z.append(self.x.let(f"{name}_z", product(rest, self.inverse[j]), tag, lanes=lanes))
+        return z
+
+    def combined(self, weights: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
+        """The sum of the columns of Q with given weights."""
         rows = len(self.q[0]) if self.q else 0
-        return [let(name, inner([q[i] for q in self.q], z), tag, lanes=lanes) for i in range(rows)]
+        return [self.x.let(name, inner([q[i] for q in self.q], weights), tag, lanes=lanes) for i in range(rows)]
 
     def _sorted(self, values: Vector) -> Vector:
         result: Vector = [0] * len(values)
