@@ -99,7 +99,7 @@ class SystemLayout(Layout):
 
 
 def _added_again(program: Program) -> list[str]:
-    """Adjoints to which sweeps add that run again from a copy."""
+    """Adjoints that sweeps of `RUN_AGAIN` change; these sweeps run again from a copy of the adjoints."""
     blocks = [b for s in RUN_AGAIN for b in program.blocks.get(s, {}).values()]
     added = {n for b in blocks for store, n, _ in b.stores if store.memory is ADJOINT}
     return [n for n in program.fields.get(ADJOINT, []) if n in added]

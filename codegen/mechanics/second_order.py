@@ -214,7 +214,7 @@ class SecondOrder:
         return found | {name: self._together(name, found) for name in TOGETHER if name in self.wanted}
 
     def _together(self, name: str, found: Mapping[str, Mapping[int, Block]]) -> dict[int, Block]:
-        """The blocks of several sweeps in one."""
+        """The blocks of several sweeps, joined to one block for each kind."""
         made: dict[int, Block] = {}
         for kind in SWEEP[name].kinds(self.system):
             parts = [found[part][kind.index] for part in TOGETHER[name] if kind.index in found[part]]
@@ -233,7 +233,8 @@ class SecondOrder:
             self._assign_first_of(memory, [name_of(s.name) for s in reversed(self.sweeps)], found)
 
     def _assign_first_in_loops(self, found: dict[str, dict[int, Block]]) -> None:
-        """The same for the tangents of adjoints of models with loops, in the order of `WithLoops`."""
+        """Assign the first contributions to the tangents of adjoints of models with loops, in the order of
+        `WithLoops`."""
         order = backward_in_loops(s.name for s in self.sweeps)
         poses = [s for s in order if s in ("pose", "rotations")]
         names = [

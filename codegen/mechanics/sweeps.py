@@ -150,7 +150,7 @@ def _pulled(kind: LinkKind) -> bool:
 
 
 def _tree_outward(x: Scope, kind: LinkKind) -> None:
-    """Several outward blocks of a link in one."""
+    """Several outward blocks of a link, joined to one block."""
     for write in (kinematics.pose, loads.velocities, closed.tree_motion, closed.clear_wrenches):
         write(x, kind)
 
@@ -364,13 +364,14 @@ OF_MASS = ("tree_forces", "wrenches", "acceleration_gaps", "tree_motion")
 
 
 def backward_in_loops(sweeps: Iterable[str]) -> list[str]:
-    """The order of adjoints along directions: that of joint forces comes first, since it visits all links and reads no other."""
+    """The order of adjoints along directions. The adjoint of joint forces comes first, since its sweep visits all links
+    and reads no other adjoint."""
     order = [*sweeps][::-1]
     return sorted(order, key=lambda s: s != OF_MASS[0])
 
 
 RUN_AGAIN = tuple(map(adjoint_name, ("rotations", "pose", "velocities", "rate_gaps", "gaps")))
-"""Sweeps that run once to find multipliers of conditions, and again with these."""
+"""Sweeps that run once to find the multipliers of conditions, and again with the multipliers."""
 
 TOGETHER = {
     "tangents_outward": (
@@ -380,12 +381,13 @@ TOGETHER = {
     "adjoints_inward": (along_name(adjoint_name("tree_motion")), along_name(adjoint_name("velocities"))),
     "poses_inward": (back_name("velocities"), along_name(adjoint_name("pose"))),
 }  # fmt: skip
-"""Sweeps over links that do not depend on each other and run as one, each block after that of the sweep before. Most of the
-time of a sweep is spent waiting for the results of the neighbour; meanwhile the others make progress."""
+"""Sweeps over links that do not depend on each other and run as one sweep. For each link, their blocks run one after
+the other. A sweep alone mostly waits for the results of the neighbour; in this time the blocks of the other sweeps
+run."""
 
 
 def parts_of(sweeps: Iterable[str]) -> set[str]:
-    """The given sweeps, and those that run together in one of them."""
+    """The given sweeps, and the sweeps of which they consist (`TOGETHER`)."""
     return {part for s in sweeps for part in (s, *TOGETHER.get(s, ()))}
 
 

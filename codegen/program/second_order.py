@@ -22,11 +22,11 @@ Primitives = dict[Symbol, dict[Symbol, Expr]]
 """Derivatives of transparent symbols with respect to the symbols on which they depend; see `derivatives.Tangents`."""
 
 Further = Callable[[Tangents], list[tuple[Store, str, Expr]]]
-"""Returns stores of tangents besides those of values."""
+"""A function from the tangents of a block to further stores, besides the tangents of stored values."""
 
 
 def nothing(d: Tangents) -> list[tuple[Store, str, Expr]]:
-    """No further stores."""
+    """The `Further` of a block without further stores."""
     return []
 
 

@@ -13,7 +13,8 @@ SIAM Review 59 (2017), solves it by collocation. The dimensions are those of the
 
 # %%
 # The force is a polyline through 26 values. The objective is the integral of its square, and the final state is a
-# constraint. One motion gives all five numbers with their exact derivatives with respect to the 26 values.
+# constraint. One motion gives the integral and the four numbers of the final state, with their exact derivatives with
+# respect to the 26 values.
 import numpy as np
 import stage
 from scipy.linalg import solve_continuous_are

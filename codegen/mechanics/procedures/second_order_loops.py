@@ -198,7 +198,7 @@ class WithLoops:
         ]
 
     def _quadratic(self) -> tuple[Run, ...]:
-        """Tangents of the adjoints of all sweeps but those of poses."""
+        """Tangents of the adjoints of all sweeps except the sweeps of poses."""
         names = [along_name(adjoint_name(s)) for s in backward_in_loops(self.sweeps) if s not in POSES]
         if not self.w.elements:
             names[-2:] = ["adjoints_inward"]

@@ -32,8 +32,8 @@ static scalar mean_square(long n, long step, const scalar *error, const scalar *
  * 1e-6 to 1e-12, it is at least 0.01 to 0.02 of this square. Smaller estimates are small by chance: the signs of their terms cancel. */
 static const scalar BY_CHANCE = 0.01;
 
-/* Combines the mean squares of two error estimates as E. Hairer does: the first one, reduced if the second is large. The result is at least
- * BY_CHANCE of what the second one, of order 4, suggests. */
+/* Combines the mean squares of two error estimates as E. Hairer does: reduces the first estimate if the second is large. The result is at
+ * least BY_CHANCE*rtol times the second estimate, which has order 4. */
 static scalar of_both(scalar first, scalar second, scalar rtol)
 {
     const scalar both = first + 0.01*second, least = BY_CHANCE*rtol*second;
