@@ -238,7 +238,9 @@ ADVISORY = {
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("name", ["four_bar", "arm", "shaken_pendulum", "flyball", "coupler"])
+@pytest.mark.parametrize(
+    "name", ["four_bar", "arm", "shaken_pendulum", "flyball", "coupler", "slider_crank", "screw_jack", "quadrotor"]
+)
 def test_misra_rules_are_kept_or_their_deviation_is_justified(name, tmp_path):
     checker = shutil.which("cppcheck") or pytest.skip("needs cppcheck")
     codegen.export_c(EXAMPLES / f"{name}.yaml", tmp_path / "c")
