@@ -120,7 +120,6 @@ def _along(of: Operator, x: Sequence[Tensor], seeds: Sequence[Tensor | None]) ->
 
 def _against(of: Operator, x: Sequence[Tensor], weights: Tensor, needed: int) -> list[Any]:
     """Gradients (1, *batch, n) by each needed argument; None where they are zero."""
-    batch = lead(of, x)
     w = _array(weights.contiguous())
     asked = [n for i, n in enumerate(of.six) if needed >> i & 1 and n in of.takes and of.sizes[n]]
     if of.has(of.derived.against):
@@ -130,7 +129,7 @@ def _against(of: Operator, x: Sequence[Tensor], weights: Tensor, needed: int) ->
         return [by.get(n) for n in of.six]
     names = asked
     sizes = [of.sizes[n] for n in names]
-    units = np.eye(sum(sizes), dtype=of.dtype)
+    units, batch = np.eye(sum(sizes), dtype=of.dtype), lead(of, x)
     parts, start = {}, 0
     for n, m in zip(names, sizes, strict=True):
         part = units[:, start : start + m].reshape(len(units), *(1,) * len(batch), m)
@@ -238,7 +237,7 @@ class Value(torch.autograd.Function):
     def backward(ctx: Any, weights: Any) -> Any:
         if weights is None:
             return (None,) * 7
-        return (*Against.apply(*ctx.saved_tensors, weights, _bits(ctx.needs_input_grad[:6]), ctx.key), None)
+        return (*pulled(*ctx.saved_tensors, weights, _bits(ctx.needs_input_grad[:6]), ctx.key), None)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Any) -> Any:
@@ -376,6 +375,14 @@ def called(*given: Any) -> Any:
     if not _differentiated(given) and plain(given):
         return _value(*given)
     return Value.apply(*given)
+
+
+def pulled(*given: Any) -> Any:
+    """The gradients as autograd sees them."""
+    tensors = (*given[:-2], given[-1])
+    if not torch.compiler.is_compiling() and not _differentiated(tensors) and plain(tensors):
+        return _weighted(*given)
+    return Against.apply(*given)
 
 
 def _differentiated(given: Sequence[Any]) -> bool:

@@ -263,7 +263,7 @@ def test_wrong_arguments_raise_while_tracing(pendulum: codegen.Solver) -> None:
 def test_derivatives_that_do_not_exist_raise(satellite: codegen.Solver, pendulum: codegen.Solver) -> None:
     q, u, *_ = states(satellite)
     rates, energies = (codegen.jax.function(satellite, n) for n in ("coordinate_rates", "energies"))
-    with pytest.raises(NotImplementedError, match="coordinate_rates of satellite: no second derivatives"):
+    with pytest.raises(NotImplementedError, match="of coordinate_rates: satellite was generated without"):
         jax.hessian(lambda u: rates(q, u)[0])(u)
     with pytest.raises(NotImplementedError, match=r"second derivatives of energies: .*energy_hessian_products"):
         jax.hessian(lambda u: energies(q, u)[0])(u)
