@@ -14,8 +14,10 @@ static const scalar ALLOWED = 10.0;
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
 static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
 
-/* Rates count as jumping, and derivatives as undefined, if a shorter step has at least HALF the error and one of two conditions holds: the
- * error of the state is below SMALLEST relative to the state, or the step is below SHORTEST relative to the motion. */
+/* Rates count as jumping, and derivatives as undefined, if each of STAYS shorter steps has at least HALF the error of the previous one and
+ * one of two conditions holds: the error of the state is below SMALLEST relative to the state, or the step is below SHORTEST relative to the
+ * motion. A single shorter step proves nothing: in a steep layer, the error of the step before may have been small by chance. */
+enum { STAYS = 3 };
 static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
 /* Two limits of a loop's condition number: an absolute one, and one relative to the smallest number so far. Above both, the loop is near a
@@ -65,7 +67,9 @@ scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, co
     m->flow_unknown = !(errors < INFINITY);
     const scalar error = errors > 0.0 ? sqrt(errors/rates) : 0.0, unit = sqrt(m->ny/size);
     const int again = m->t == m->flow_at && h < m->flow_step, rounded = error < NOISE && error > m->flow_error*h/m->flow_step;
-    const int tiny = of_state*unit < SMALLEST || h < SHORTEST*fmax(fabs(m->t), p->end - p->start), jumps = tiny && error > HALF*m->flow_error;
+    const int tiny = of_state*unit < SMALLEST || h < SHORTEST*fmax(fabs(m->t), p->end - p->start);
+    m->flow_stays = again && error > HALF*m->flow_error ? m->flow_stays + 1 : 0;
+    const int jumps = tiny && m->flow_stays >= STAYS;
     m->flow_error = error, m->flow_step = h, m->flow_at = m->t;
     return again && (rounded || jumps) ? 0.0 : error/(ALLOWED*fmax(unit, ROUNDED/ALLOWED));
 }

@@ -119,6 +119,7 @@ struct ordernm_motion {
     int flowing;              /* whether derivatives along the last direction are computed */
     scalar flow_error, flow_step, flow_at; /* error along the last direction; size and start of the step that was tried last */
     int flow_unknown;         /* whether derivatives of rates along the motion must be computed anew at the start of the next step */
+    int flow_stays;           /* number of successive shorter steps that hardly reduced this error */
     int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */
