@@ -1,15 +1,18 @@
 """Functions that may change steeply within a small part of a motion, such as ``tanh(u.x/w)`` for a small ``w``.
 
-An integrator must resolve such layers more closely for derivatives of a motion than for the motion itself.
+An integrator must resolve such layers more closely for derivatives of a motion than for the motion itself. The same holds for
+the points of cubic tables, where third derivatives jump.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Final
 
 from .expressions import Expression
 from .grammar import Tree
+from .members import PointCondition
+from .surfaces import COORDINATES
 from .switches import varies_in_motion
 from .trees import nodes
 
@@ -23,12 +26,28 @@ HIGHEST = 3
 """Highest power of a varying number that does not count as steep."""
 
 
-def has_steep_functions(model: Model) -> bool:
-    """Whether forces or prescribed motion contain functions that may change steeply during a motion."""
-    varies = varies_in_motion(model.inputs)
+RATES: Final = 1
+"""The bit of rates: forces, prescribed motion or the surfaces of loops contain steep functions."""
+
+OUTPUTS: Final = 2
+"""The bit of outputs, which may be integrated."""
+
+
+def steep_functions(model: Model) -> int:
+    """Which of a model's expressions contain functions that may change steeply during a motion: bits, 0 if none.
+
+    An acceleration contains the second derivatives of a surface, which have kinks at the points of a cubic table.
+    """
+    varies = varies_in_motion((*model.inputs, *COORDINATES))
     trees = [x.value.tree for x in model.prescribed]
     trees += [e.tree for force in model.elements for e in force.coefficients]
-    return any(_is_steep(part, varies) for tree in trees for part in nodes(tree))
+    trees += [e.tree for loop in model.loops if isinstance(loop, PointCondition) for e in loop.equations]
+    outputs = [output.expression.tree for output in model.outputs if output.expression is not None]
+
+    def steep(of: Iterable[Tree]) -> bool:
+        return any(_is_steep(part, varies) for tree in of for part in nodes(tree))
+
+    return RATES * steep(trees) + OUTPUTS * steep(outputs)
 
 
 def _is_steep(tree: Tree, varies: Callable[[str], bool]) -> bool:
@@ -45,4 +64,4 @@ def _is_steep(tree: Tree, varies: Callable[[str], bool]) -> bool:
     return any(varies(name) for of in steep for name in Expression(of).names)
 
 
-__all__ = ["has_steep_functions"]
+__all__ = ["steep_functions"]

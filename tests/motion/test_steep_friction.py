@@ -108,8 +108,8 @@ def values(seed: int) -> dict[str, float]:
 def error_across_layers(solver: Any, seed: int, integrator: str) -> float:
     """The largest error of derivatives at many times, relative to their largest value; a motion at 1e-13 is the reference.
 
-    Over the width w of a layer, derivatives change by as much as their own size. So at times inside a layer, an error e of the state
-    explains an error e/w of derivatives.
+    Over the width w of a layer, derivatives change by as much as their own size. So at times inside a layer, an error e of the
+    state explains an error e/w of derivatives.
     """
     p = values(seed)
     fine = {"rtol": 1e-13, "atol": 1e-14, "atol_sensitivities": 1e-11}

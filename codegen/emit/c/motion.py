@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...model.model import Model
-from ...model.steep import has_steep_functions
+from ...model.steep import steep_functions
 from ...model.switches import KINDS
 from ...program.procedure import Procedure
 from ...version import __version__
@@ -157,8 +157,8 @@ def _sizes(
             found[table] = table
     if "switches" in functions:
         found["nswitches"] = len(tables["drives"])
-    if has_steep_functions(model):
-        found["steep"] = 1
+    if steep := steep_functions(model):
+        found["steep"] = steep
     if tables["dropped"]:
         found["apart"] = repr(allowed)
     if manifest.get("redundant"):

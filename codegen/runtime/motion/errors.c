@@ -111,7 +111,7 @@ void ordernm_note_coarse(ordernm_motion *m, scalar h)
 {
     ordernm_results *const r = m->results;
     scalar *const *const k = m->rate, apart = 0.0;
-    const int steep = m->system->steep;
+    const int steep = m->system->steep & 1;
     int entry = 0;
     if (m->problem->method != ORDERNM_RK4 || !(m->nd || steep)) return;
     for (int i = 0; i < m->ny; ++i) {

@@ -1,7 +1,7 @@
 /* Derivatives along the motion itself, whose exact values are known: if the start is shifted by dt, so is the whole motion. The derivative
  * of each state by this shift is the rate there. So the step's derivative along its first rate minus the rate at its end is an error of
  * derivatives. In a steep layer, such as tanh(u/1e-4) where u changes its sign, this error exceeds that of the state by the width of the
- * layer, and limits the step. Only for systems with functions that may be steep. */
+ * layer, and limits the step. Only for systems with functions that may be steep; the points of cubic tables count as such. */
 #include "inside.h"
 
 #include <math.h>
@@ -14,11 +14,11 @@ static const scalar ALLOWED = 10.0;
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
 static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
 
-/* Rates count as jumping, and derivatives as undefined, if each of STAYS shorter steps has at least HALF the error of the previous one and
- * one of two conditions holds: the error of the state is below SMALLEST relative to the state, or the step is below SHORTEST relative to the
- * motion. A single shorter step proves nothing: in a steep layer, the error of the step before may have been small by chance. */
-enum { STAYS = 3 };
-static const scalar HALF = 0.5, SMALLEST = 1e-12, SHORTEST = 1e-12;
+/* Rates count as jumping, and derivatives as undefined, if a step that is shorter than the one with the largest error by the factor SHORTER has
+ * more of this error than the root of the factor leaves, and one of two conditions holds: the error of the state is below SMALLEST relative to
+ * the state, or the step is below SHORTEST relative to the motion. At a kink, errors decrease in proportion to the step, but not evenly: they
+ * depend on the place of the kink in the step. In a steep layer, any error may be small by chance. */
+static const scalar SHORTER = 1e-3, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
 /* Two limits of a loop's condition number: an absolute one, and one relative to the smallest number so far. Above both, the loop is near a
  * loss of rank, and rounding errors dominate. */
@@ -52,11 +52,12 @@ scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, co
 {
     const ordernm_problem *const p = m->problem;
     const scalar *const found = m->next + m->groups[m->ngroups].at;
+    const int n = m->ny + m->nx;
     scalar size = 0.0, rates = 0.0, errors = 0.0;
     if (m->flow_unknown) return 0.0;
     m->flow_unknown = m->beside_power || (m->nd && m->results->condition_here > fmax(POOR, WORSE*m->best));
     if (m->flow_unknown) return 0.0;
-    for (int i = 0; i < m->ny; ++i) {
+    for (int i = 0; i < n; ++i) {
         const scalar largest = fmax(fabs(m->z[i]), fabs(m->next[i])), scale = p->atol[i] + p->rtol*largest;
         const scalar of_size = largest/scale, of_rate = fmax(fabs(rate[i]), fabs(m->rate[0][i]))/scale;
         const scalar error = (found[i] - rate[i])/scale;
@@ -65,11 +66,11 @@ scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, co
         errors += error*error;
     }
     m->flow_unknown = !(errors < INFINITY);
-    const scalar error = errors > 0.0 ? sqrt(errors/rates) : 0.0, unit = sqrt(m->ny/size);
+    const scalar error = errors > 0.0 ? sqrt(errors/rates) : 0.0, unit = sqrt(n/size);
     const int again = m->t == m->flow_at && h < m->flow_step, rounded = error < NOISE && error > m->flow_error*h/m->flow_step;
     const int tiny = of_state*unit < SMALLEST || h < SHORTEST*fmax(fabs(m->t), p->end - p->start);
-    m->flow_stays = again && error > HALF*m->flow_error ? m->flow_stays + 1 : 0;
-    const int jumps = tiny && m->flow_stays >= STAYS;
+    if (!again || error >= m->flow_most) m->flow_most = error, m->flow_most_step = h;
+    const int jumps = tiny && h < SHORTER*m->flow_most_step && error > m->flow_most*sqrt(h/m->flow_most_step);
     m->flow_error = error, m->flow_step = h, m->flow_at = m->t;
     return again && (rounded || jumps) ? 0.0 : error/(ALLOWED*fmax(unit, ROUNDED/ALLOWED));
 }

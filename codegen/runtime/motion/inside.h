@@ -119,7 +119,7 @@ struct ordernm_motion {
     int flowing;              /* whether derivatives along the last direction are computed */
     scalar flow_error, flow_step, flow_at; /* error along the last direction; size and start of the step that was tried last */
     int flow_unknown;         /* whether derivatives of rates along the motion must be computed anew at the start of the next step */
-    int flow_stays;           /* number of successive shorter steps that hardly reduced this error */
+    scalar flow_most, flow_most_step; /* the largest error of the steps tried from the same start, and its step */
     int *dependent;           /* [nd] indices of dependent coordinates */
     int *turned;              /* [nquaternions] whether a quaternion is dependent */
     scalar *lengths;          /* [nquaternions] norms before the loops are closed */
@@ -256,6 +256,9 @@ int ordernm_finite_along(const scalar *S, long n, int width, int lane);
 /* lengths of rows are in motion.h */
 enum { RK4_STAGES = 4, DOP853_STAGES = 12, RADAU_STAGES = 3 };
 int ordernm_kind(const ordernm_problem *p);
+/* Whether derivatives along the motion itself limit steps: rates, or outputs that are integrated, may be steep. */
+static inline int ordernm_may_be_steep(const ordernm_motion *m) { return (m->system->steep & (m->nx ? 3 : 1)) != 0; }
+
 static inline long ordernm_whole_lines(long n) { return (n + 7)/8*8; }
 
 /* inputs.c */

@@ -83,7 +83,7 @@ typedef struct {
     const int *drives;                     /* whether forces (1) or prescribed motion (2) depend on each switch */
     int nswitch_outputs;                   /* pairs of a switch and an output that depends on it */
     const int *switch_of_output;
-    int steep;                             /* forces contain functions that may change steeply, such as tanh(u/1e-3) */
+    int steep;                             /* bits for functions that may change steeply, such as tanh(u/1e-3): 1 in rates, 2 in outputs */
     int nmoving;                           /* number of inputs of prescribed motion */
     const int *moving;                     /* indices of these inputs; the last 2*nmoving inputs are their rates and accelerations */
     /* Functions that were not generated are 0. */

@@ -95,7 +95,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->slowness = r->sweep_slowness = r->flow_slowness = 1.0;
     r->of_jacobian = ordernm_numbers(&of, m->values);
     if (at) m->radau = r;
-    if (m->ngroups || m->system->steep) {
+    if (m->ngroups || ordernm_may_be_steep(m)) {
         void *const stages = ordernm_take(&of, ordernm_radau_layout_stages(m, n, 0));
         if (at) ordernm_radau_layout_stages(m, n, stages);
     }

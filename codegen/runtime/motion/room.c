@@ -140,7 +140,7 @@ static size_t lay_out(const ordernm_problem *p, void *at, size_t *zeros)
     m->head = ordernm_head_size(p);
     lay_out_groups(m, &of, at != 0);
     const long without = m->size;
-    if (s->steep) m->size += ordernm_whole_lines(m->ny + m->nx); /* memory for derivatives along the motion itself */
+    if (ordernm_may_be_steep(m)) m->size += ordernm_whole_lines(m->ny + m->nx); /* memory for derivatives along the motion itself */
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     scalar **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);

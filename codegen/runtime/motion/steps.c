@@ -17,7 +17,7 @@ void ordernm_take_derivatives(ordernm_motion *m, scalar best)
     const scalar worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
     m->best = best;
     m->derived = 1;
-    if (m->system->steep && !m->flowing) ordernm_follow_flow(m);
+    if (ordernm_may_be_steep(m) && !m->flowing) ordernm_follow_flow(m);
     m->poor_rates = fmin(m->poor, fmin(worse*best, POOR_IN_ANY_CASE));
     m->too_poor = fmin(m->too_poor, TOO_POOR_FOR_DERIVATIVES);
 }
