@@ -157,7 +157,7 @@ class MotionRun(Room):
             return
         worst = max(segments, key=lambda s: s.coarse[1] if values > COARSE else s.coarse_along[1])
         t = worst.coarse[2] if values > COARSE else worst.coarse_along[2]
-        steep = f"a force changes steeply, most likely with {self._entries(problem)[worst.coarse[3]]}"
+        steep = f"a force or an integrated output changes steeply, most likely with {self._entries(problem)[worst.coarse[3]]}"
         loops = "loops may come near a loss of rank"
         places = ([loops] if self.closure_names else []) + ([steep] if along or not self.closure_names else [])
         errors = [f"errors of steps add up to about {values:.1g} of the state"] if values > COARSE else []
