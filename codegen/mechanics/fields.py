@@ -113,7 +113,7 @@ quaternion_matrix = MatrixField(
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
 attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_READS)
 position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_READS)
-rotation = VectorField("rot", "rad", GROUND, "rotation vector of a direction, for second derivatives")
+attitude_turn = VectorField("rot", "rad", GROUND, "rotation vector of a direction, for second derivatives")
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, along the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")

@@ -39,7 +39,7 @@ def attitudes(x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
         found = transparent[symbol] = {}
         row, column = XYZ.index(name[-2]), name[-1]
         for by, other, sign in (((row + 1) % 3, (row + 2) % 3, 1), ((row + 2) % 3, (row + 1) % 3, -1)):
-            turn = x.component(in_memory(TANGENT, store), fields.rotation.components[by])
+            turn = x.component(in_memory(TANGENT, store), fields.attitude_turn.components[by])
             slope = sign * x.component(store, f"{fields.attitude.name}.{XYZ[other]}{column}")
             if isinstance(turn, Symbol) and slope is not algebra.ZERO:
                 found[turn], roots[turn] = slope, turn
@@ -51,14 +51,14 @@ def rotation(kind: LinkKind, d: Tangents) -> list[tuple[Store, str, Expr]]:
     x, tag = d.expansion, "d Eq. 22"
     joint = kind.joint(x, kind)
     W = x.load(UP, fields.attitude)
-    turn: Vector = [x.component(in_memory(TANGENT, UP), name) for name in fields.rotation.components]
+    turn: Vector = [x.component(in_memory(TANGENT, UP), name) for name in fields.attitude_turn.components]
     if joint.fixed is not None:
         turn = add(turn, matvec(W, _turn_of(d, joint.fixed)))
         W = [[x.let("W", e, "Eq. 22") for e in row] for row in matmul(W, joint.fixed)]
     own = _turn_of(d, joint.matrix) if isinstance(joint, QuaternionJoint) else joint.displacement()[0]
     turn = [x.let("turn", e, tag, lanes=True) for e in add(turn, matvec(W, own))]
     at = in_memory(TANGENT, ME)
-    return [(at, name, algebra.expression(e)) for name, e in zip(fields.rotation.components, turn, strict=True)]
+    return [(at, name, algebra.expression(e)) for name, e in zip(fields.attitude_turn.components, turn, strict=True)]
 
 
 def _turn_of(d: Tangents, R: Matrix) -> Vector:

@@ -190,7 +190,13 @@ def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):
     }
     along = {"lever_tangent", "arm_tangent"}  # tangents ask for them, which zero patterns do not have
     assert {names[n] for n in stored - watched.loaded} - along == set()
-    on_request = {"closing_force", "coupling_force", "tree_transmitted"}  # only second derivatives read them
+    on_request = {
+        "attitude_turn",
+        "closing_force",
+        "coupling_force",
+        "multiplier_gain",
+        "tree_transmitted",
+    }  # by second derivatives
     assert {names[n] for n in names.keys() - stored - constants} == on_request
 
 
