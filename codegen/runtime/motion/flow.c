@@ -14,10 +14,10 @@ static const scalar ALLOWED = 10.0;
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
 static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
 
-/* Rates count as jumping, and derivatives as undefined, if a step that is shorter than the one with the largest error by the factor SHORTER has
- * more of this error than the root of the factor leaves, and one of two conditions holds: the error of the state is below SMALLEST relative to
- * the state, or the step is below SHORTEST relative to the motion. At a kink, errors decrease in proportion to the step, but not evenly: they
- * depend on the place of the kink in the step. In a steep layer, any error may be small by chance. */
+/* Rates count as jumping, and derivatives as undefined, if the error of the state is below SMALLEST relative to the state, and a step that is
+ * shorter than the one with the largest error by the factor SHORTER has more of this error than the root of the factor leaves. At a kink,
+ * errors decrease in proportion to the step, but not evenly: they depend on the place of the kink in the step. In a steep layer, any error may
+ * be small by chance. Steps below SHORTEST, relative to the motion, are not shortened any more. */
 static const scalar SHORTER = 1e-3, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
 /* Two limits of a loop's condition number: an absolute one, and one relative to the smallest number so far. Above both, the loop is near a
@@ -68,9 +68,9 @@ scalar ordernm_error_along_flow(ordernm_motion *m, scalar h, scalar of_state, co
     m->flow_unknown = !(errors < INFINITY);
     const scalar error = errors > 0.0 ? sqrt(errors/rates) : 0.0, unit = sqrt(n/size);
     const int again = m->t == m->flow_at && h < m->flow_step, rounded = error < NOISE && error > m->flow_error*h/m->flow_step;
-    const int tiny = of_state*unit < SMALLEST || h < SHORTEST*fmax(fabs(m->t), p->end - p->start);
     if (!again || error >= m->flow_most) m->flow_most = error, m->flow_most_step = h;
-    const int jumps = tiny && h < SHORTER*m->flow_most_step && error > m->flow_most*sqrt(h/m->flow_most_step);
+    const int remains = h < SHORTER*m->flow_most_step && error > m->flow_most*sqrt(h/m->flow_most_step);
+    const int jumps = (remains && of_state*unit < SMALLEST) || h < SHORTEST*fmax(fabs(m->t), p->end - p->start);
     m->flow_error = error, m->flow_step = h, m->flow_at = m->t;
     return again && (rounded || jumps) ? 0.0 : error/(ALLOWED*fmax(unit, ROUNDED/ALLOWED));
 }
