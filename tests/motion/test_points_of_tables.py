@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from motion.models import Made, parsed
+from motion.models import Drawn, Made, parsed
 
 from codegen.runtime import Final, Integral
 
@@ -79,3 +79,58 @@ def test_a_cam_that_turns(made: Callable[..., Made], integrator: str) -> None:
     exact = solver.simulate([0.0, 0.3], sensitivities=names, **fine).doutputs[:, -1, 0]
     found = solver.judge(0.3, Final("speed"), wrt=names, integrator=integrator)
     np.testing.assert_allclose(found.gradients[0], exact, rtol=1e-5)
+
+
+RANDOM = """
+model: random_tables
+gravity: [0, 0, -2]
+parameters: {{s: {s}, f: {f}}}
+tables: {{one: {one}, two: {two}}}
+bodies:
+  a: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, com: [0, 0, -0.2], inertia: {{xx: 0.1, yy: 0.3, zz: 0.1}}}}
+  b:
+    parent: a
+    joint: {{type: revolute, axis: y, at: [0, 0, -0.5]}}
+    mass: 0.5
+    com: [0, 0, -0.3]
+    inertia: {{xx: 0.1, yy: 0.2, zz: 0.1}}
+forces:
+  on_a: {{type: joint, joint: a, value: "{on_a} - 0.1*u.a"}}
+  on_b: {{type: joint, joint: b, value: "{on_b} - 0.1*u.b"}}
+initial: {{q: {{a: {qa}, b: {qb}}}, u: {{a: {ua}, b: {ub}}}}}
+outputs: {{a: {{value: q.a}}, v: {{value: u.b}}, g: {{value: "{integrated}"}}}}
+"""
+ARGUMENTS = ("q.a - s", "2*q.b - s", "0.3*u.a", "1.3*t - s", "sin(3*q.a) + s", "q.a + q.b - s", "one(q.a)")
+TERMS = ("f*{}({})", "-f*{}({})**2", "f*step({}({}), -0.5, 0.5)")
+
+
+def random_tables(seed: int) -> Drawn:
+    """A double pendulum with forces and an integrated output of two random cubic tables, which are bounded."""
+    rng = np.random.default_rng(seed)
+
+    def table() -> str:
+        n = rng.integers(3, 7)
+        x = np.cumsum(rng.uniform(0.1, 0.5, n)) - 1.0
+        return f"{{x: {x.round(3).tolist()}, y: {rng.uniform(-1, 1, n).round(3).tolist()}, kind: cubic, outside: constant}}"
+
+    def term() -> str:
+        return str(rng.choice(TERMS)).format(rng.choice(["one", "two"]), rng.choice(ARGUMENTS))
+
+    numbers = rng.uniform([-0.3, 1, -1, -1, -3, -3], [0.3, 4, 1, 1, 3, 3]).round(3)
+    values = dict(zip(("s", "f", "qa", "qb", "ua", "ub"), numbers, strict=True))
+    return parsed(RANDOM.format(**values, one=table(), two=table(), on_a=term(), on_b=term(), integrated=term()))
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(i, marks=pytest.mark.campaign) for i in range(1, 60))])
+def test_random_models(made: Callable[..., Made], seed: int) -> None:
+    """Motions at 1e-13, whose derivatives have error control of their own, are the reference."""
+    solver = made(random_tables, seed).solver
+    functionals, names = [Final("a"), Final("v"), Integral("g")], ("s", "f", "u0.a")
+    fine = solver.simulate([0.0, 1.5], sensitivities=names, rtol=1e-13, atol=1e-14, atol_sensitivities=1e-11)
+    closest = solver.judge(1.5, functionals, wrt=names, rtol=1e-12, atol=1e-13).gradients
+    scale = 1.0 + np.abs(closest)
+    assert (np.abs(closest[:2] - fine.doutputs[:, -1, :2].T) / scale[:2]).max() < 1e-7
+    for integrator, allowed in (("dop853", 1e-6), ("radau", 5e-6)):
+        for method in ("forward", "adjoint"):
+            found = solver.judge(1.5, functionals, wrt=names, method=method, integrator=integrator).gradients
+            assert (np.abs(found - closest) / scale).max() < allowed, (integrator, method)
