@@ -8,7 +8,7 @@ joint slides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
@@ -59,16 +59,10 @@ class GroundGeometry(EarGeometry):
     ) -> list[Twist]:
         return []  # velocities of faces are those of sweeps over the tree
 
-    def face_difference(self, motions: list[Twist], roots: list[Twist], speeds: Sequence[Vector]) -> list[Twist]:
-        found = []
-        for c, closure in enumerate(self.kind.closures):
-            if closure.is_coupling:
-                found.append(self.coupled(c, speeds, "coupled", "Eq. 30"))
-                continue
-            start, end = (self.face_velocity(c, side) for side in (0, 1))
-            slip = self.slip(c)
-            found.append(end.minus(start if slip is None else Twist(start.angular, start.at(slip))))
-        return found
+    def difference_at_cut(self, c: int, motions: list[Twist], roots: list[Twist]) -> Twist:
+        start, end = (self.face_velocity(c, side) for side in (0, 1))
+        slip = self.slip(c)
+        return end.minus(start if slip is None else Twist(start.angular, start.at(slip)))
 
     def face_velocity(self, c: int, side: int) -> Twist:
         """Angular velocity and velocity of a face."""

@@ -230,21 +230,24 @@ class EarGeometry:
 
     def face_difference(self, motions: list[Twist], roots: list[Twist], speeds: Sequence[Vector]) -> list[Twist]:
         """Motion of the end face relative to the start face at every cut, from motions of links, roots and joints."""
-        found = []
-        for c, closure in enumerate(self.kind.closures):
-            if closure.is_coupling:
-                found.append(self.coupled(c, speeds, "coupled", "Eq. 30"))
-                continue
-            sides = []
-            for side in (0, 1):
-                place = closure.faces[side]
-                t = motions[place] if place >= 0 else roots[-1 - place]
-                lever, slip = self.arm(c, side), self.slip(c) if side == 0 else None
-                if slip is not None:
-                    lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
-                sides.append(Twist(t.angular, t.at(lever)))
-            found.append(sides[1].minus(sides[0]))
-        return found
+        return [
+            self.coupled(c, speeds, "coupled", "Eq. 30")
+            if closure.is_coupling
+            else self.difference_at_cut(c, motions, roots)
+            for c, closure in enumerate(self.kind.closures)
+        ]
+
+    def difference_at_cut(self, c: int, motions: list[Twist], roots: list[Twist]) -> Twist:
+        """Motion of the end face relative to the start face at a cut, from motions of links and roots."""
+        sides = []
+        for side in (0, 1):
+            place = self.kind.closures[c].faces[side]
+            t = motions[place] if place >= 0 else roots[-1 - place]
+            lever, slip = self.arm(c, side), self.slip(c) if side == 0 else None
+            if slip is not None:
+                lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
+            sides.append(Twist(t.angular, t.at(lever)))
+        return sides[1].minus(sides[0])
 
     def column(self, member: int, freedom: Freedom) -> list[Twist]:
         """Contribution of a degree of freedom to the relative motion of the faces at every cut."""

@@ -27,7 +27,7 @@ from ...program.procedure import (
 )
 from ..quantities import run
 from ..structure.kinds import EarKind
-from ..sweeps import OF_MASS, adjoint_name, along_name, back_name, backward_in_loops, mass_name
+from ..sweeps import OF_MASS, TOGETHER, adjoint_name, along_name, back_name, backward_in_loops, mass_name
 from .shared import Shared, performed
 
 MULTIPLIERS = run("multipliers_out", "multipliers_in")
@@ -201,7 +201,7 @@ class WithLoops:
         """Tangents of the adjoints of all sweeps except the sweeps of poses."""
         names = [along_name(adjoint_name(s)) for s in backward_in_loops(self.sweeps) if s not in POSES]
         if not self.w.elements:
-            names[-2:] = ["adjoints_inward"]
+            names = [*(n for n in names if n not in TOGETHER["adjoints_inward"]), "adjoints_inward"]
         return tuple(Run(s, True) for s in names)
 
     def _values_along(self) -> tuple[Step, ...]:
@@ -211,7 +211,8 @@ class WithLoops:
             names = [*map(along_name, self.of_values), *map(mass_name, OF_MASS)]
         else:
             rotations = [along_name(s) for s in self.of_values if s == "rotations"]
-            of_loops = (along_name("wrenches"), *map(mass_name, OF_MASS[1:-1]))
+            joined = {*TOGETHER["tangents_outward"], *TOGETHER["tangents_inward"]}
+            of_loops = [along_name("wrenches"), *(n for n in map(mass_name, OF_MASS) if n not in joined)]
             names = [*rotations, "tangents_outward", *of_loops, "tangents_inward"]
         return (Prepare(ADJOINT_TANGENTS, True), *zero, *(Run(s, True) for s in names))
 
