@@ -1,8 +1,10 @@
 """Environment of every test: private caches, and hypothesis without deadlines, because compiling takes time."""
 
+import contextlib
 import gc
 import os
 import signal
+import sys
 from pathlib import Path
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
@@ -35,6 +37,20 @@ hypothesis.settings.load_profile("ci" if os.environ.get("CI") else "local")
 GENERATOR = Generator()
 BEGUN = pytest.StashKey[float]()
 """CPU seconds of this process and those it has waited for when a test began."""
+
+
+def pytest_configure(config):
+    """Where no compiled modules are to be kept beside their sources, pytest's cache keeps them.
+
+    Rewriting and compiling the modules of all tests takes longer than everything else that collects them. Other processes
+    of this run and interpreters that tests start have the same folder.
+    """
+    if "PYTHONDONTWRITEBYTECODE" in os.environ and hasattr(config, "cache"):
+        with contextlib.suppress(OSError):  # a checkout that nobody may write to
+            sys.pycache_prefix = str(config.cache.mkdir("bytecode"))
+            sys.dont_write_bytecode = False
+            os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
+            del os.environ["PYTHONDONTWRITEBYTECODE"]
 
 
 @pytest.hookimpl(wrapper=True)

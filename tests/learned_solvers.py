@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import pytest
 from made_once import made
 
 import codegen
@@ -21,6 +24,23 @@ MEASURES = [
     "energy_gradients", "energy_hessian_products", "inverse_dynamics", "inverse_dynamics_sensitivities",
     "inverse_dynamics_hessian_products",
 ]  # fmt: skip
+
+
+class Extra:
+    """A module that takes seconds to import; it is imported when a test first reads one of its names.
+
+    Where its package is not installed, the tests of the file are skipped.
+    """
+
+    def __init__(self, module: str, reason: str) -> None:
+        if find_spec(module.partition(".")[0]) is None:
+            pytest.skip(reason, allow_module_level=True)
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # pytest looks for marks and wrappers at every name in a file of tests
+            raise AttributeError(name)
+        return getattr(import_module(self._module), name)
 
 
 def example(name: str, folder: Path, functions: list[str], **options: Any) -> codegen.Solver:

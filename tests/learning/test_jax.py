@@ -8,20 +8,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learned_solvers import EVERY, MEASURES, SECOND, example
+from learned_solvers import EVERY, MEASURES, SECOND, Extra, example
 
 import codegen
 import codegen.jax
 from codegen.operators import FUNCTIONS
 
-jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'ordernm[jax]'")
-jnp, check_grads = jax.numpy, pytest.importorskip("jax.test_util").check_grads
-
-jax.config.update("jax_enable_x64", True)
-
-RAISED = (jax.errors.JaxRuntimeError, ValueError)
-"""Errors of XLA: the second one where JAX waits for the program."""
+MISSING = "JAX is not installed: pip install 'ordernm[jax]'"
+jax, jnp, checks = (Extra(m, MISSING) for m in ("jax", "jax.numpy", "jax.test_util"))
 CLOSE = {"atol": 1e-8, "rtol": 1e-8}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def double_precision() -> None:
+    jax.config.update("jax_enable_x64", True)
+
+
+def errors_of_xla() -> tuple[type[Exception], ...]:
+    """The second one is raised where JAX waits for the program."""
+    return jax.errors.JaxRuntimeError, ValueError
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +61,9 @@ def test_values_and_both_modes_to_second_order(pendulum: codegen.Solver) -> None
     f = codegen.jax.function(pendulum, "accelerations")
     q, u, p, *_ = states(pendulum)
     np.testing.assert_array_equal(f(q, u, p), pendulum.accelerations(q, u, p))
-    check_grads(f, (q, u, p), order=2, eps=2e-6, **CLOSE)
+    checks.check_grads(f, (q, u, p), order=2, eps=2e-6, **CLOSE)
     q, u, *_ = states(pendulum, 3)
-    check_grads(f, (q, u, p), order=2, eps=2e-6, **CLOSE)  # the states share p
+    checks.check_grads(f, (q, u, p), order=2, eps=2e-6, **CLOSE)  # the states share p
 
 
 @pytest.mark.parametrize("order", [("fwd", "rev"), ("rev", "fwd"), ("fwd", "fwd"), ("rev", "rev")])
@@ -156,7 +161,7 @@ def test_every_function_has_exact_derivatives(satellite: codegen.Solver, name: s
         return f(*x[:at], x[at] * p, *x[at + 1 :]) / scale
 
     arguments[at] = np.ones(satellite.np)
-    check_grads(relative, arguments, order=1, eps=1e-5, **CLOSE)
+    checks.check_grads(relative, arguments, order=1, eps=1e-5, **CLOSE)
 
 
 def test_time_of_prescribed_motion(tmp_path: Path) -> None:
@@ -170,8 +175,8 @@ def test_time_of_prescribed_motion(tmp_path: Path) -> None:
     def later(u: Any, x: Any) -> Any:
         return scale * f(q[:3], u, p[0], None, 0.1 + scale * x)
 
-    check_grads(later, (u[:3], t[:3]), order=1, eps=1e-5, **CLOSE)
-    check_grads(lambda x: later(u[:3], x), (0.4,), order=1, eps=1e-5, **CLOSE)
+    checks.check_grads(later, (u[:3], t[:3]), order=1, eps=1e-5, **CLOSE)
+    checks.check_grads(lambda x: later(u[:3], x), (0.4,), order=1, eps=1e-5, **CLOSE)
 
 
 def test_a_loop_has_the_gradients_of_the_solver(four_bar: codegen.Solver) -> None:
@@ -284,7 +289,7 @@ def test_bad_states_raise_or_are_nan(pendulum: codegen.Solver, satellite: codege
     q[7, 1] = 0.0
     with pytest.raises(ValueError) as expected:
         pendulum.accelerations(q, u, p)
-    with pytest.raises(RAISED, match="inertia") as raised:
+    with pytest.raises(errors_of_xla(), match="inertia") as raised:
         jax.block_until_ready(f(q, u, p))
     assert str(expected.value).partition(" (state")[0] in str(raised.value)
     q, u, p, inputs, _ = states(satellite, 30)
@@ -298,7 +303,7 @@ def test_bad_states_raise_or_are_nan(pendulum: codegen.Solver, satellite: codege
         satellite.bad_states = "error"
     assert set(np.flatnonzero(np.isnan(found).any(-1))) == {3, 20}
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
-    with pytest.raises(RAISED, match="a quaternion of q is shorter than 1e-06"):
+    with pytest.raises(errors_of_xla(), match="a quaternion of q is shorter than 1e-06"):
         jax.block_until_ready(codegen.jax.function(satellite, "accelerations")(q[3], u[3], p[3], inputs[3]))
 
 

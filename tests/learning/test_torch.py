@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learned_solvers import EVERY, MEASURES, SECOND, example
+from learned_solvers import EVERY, MEASURES, SECOND, Extra, example
 
 import codegen
 import codegen.torch
 from codegen.operators import FUNCTIONS
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install 'ordernm[torch]'")
-func = pytest.importorskip("torch.func")
+MISSING = "PyTorch is not installed: pip install 'ordernm[torch]'"
+torch, func = Extra("torch", MISSING), Extra("torch.func", MISSING)
 
 CLOSE = {"eps": 2e-6, "atol": 1e-8, "rtol": 1e-8}
 
@@ -89,8 +89,9 @@ def test_other_functions_have_second_derivatives(pendulum: codegen.Solver, name:
 def test_compiled_programs_keep_the_operators(pendulum: codegen.Solver) -> None:
     f = codegen.torch.function(pendulum, "accelerations")
     q, u, p, _ = states(pendulum, 50)
-    compiled = torch.compile(lambda q, u, p: torch.sin(f(q, u, p)), fullgraph=True, backend="aot_eager")
-    expected = torch.autograd.grad(torch.sin(f(q, u, p)).sum(), (q, p))
+    sin = torch.sin
+    compiled = torch.compile(lambda q, u, p: sin(f(q, u, p)), fullgraph=True, backend="aot_eager")
+    expected = torch.autograd.grad(sin(f(q, u, p)).sum(), (q, p))
     for a, b in zip(torch.autograd.grad(compiled(q, u, p).sum(), (q, p)), expected, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
     of = codegen.torch.operators
