@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .design.variables import Variables
-from .runtime import LeastSquares
 from .runtime.standalone.arrays import Array
+from .runtime.standalone.motion.functionals import WeightedResults
 
 OWN = ("wrt", "sensitivities", "dq0", "du0", "hessian")
 """Options of `Solver.judge` and `Solver.simulate` that belong to the variables."""
@@ -36,15 +36,6 @@ class Moved(NamedTuple):
     q: Any
     u: Any
     outputs: Any
-
-
-class _Weighted(LeastSquares):
-    """A functional whose derivatives by outputs are given weights."""
-
-    def residuals(self, outputs: Array, names: Sequence[str]) -> tuple[Array, Array]:
-        """The weights (n, noutputs), and ones."""
-        weights = np.stack([np.asarray(self.samples[n], float) for n in names], -1)
-        return weights, np.ones_like(weights)
 
 
 class DifferentiableMotion:
@@ -173,21 +164,24 @@ class SimulatedMotion(DifferentiableMotion):
         self.shapes = tuple((len(self.t), n) for n in (solver.nq, solver.nu, solver.noutputs))
 
     def pulled(self, x: Any, weights: Sequence[Any]) -> Array:
-        """Gradients (..., k) of weighted sums of the results; by the adjoint if that is cheaper and only outputs have weights."""
-        x, (*of_states, of_outputs) = np.asarray(x, float), [np.asarray(w, float) for w in weights]
-        several = math.prod(of_outputs.shape[:-2])
-        cheap = len(x) > FEW * several and self.options.keys() <= SAME.keys()
-        if not cheap or self._known(x) or any(w.any() for w in of_states):
+        """Gradients (..., k) of weighted sums of the results; by the adjoint if that is cheaper."""
+        x, each = np.asarray(x, float), [np.asarray(w, float) for w in weights]
+        several = each[0].shape[:-2]
+        cheap = len(x) > FEW * math.prod(several) and self.options.keys() <= SAME.keys() and self._reverses
+        if not cheap or self._known(x):
             return super().pulled(x, weights)
-        names = self.solver.output_names
-        wanted = [
-            _Weighted(self.t, dict(zip(names, w.T, strict=True))) for w in of_outputs.reshape(-1, *self.shapes[2])
-        ]
+        q, u, outputs = (w.reshape(-1, *shape) for w, shape in zip(each, self.shapes, strict=True))
+        wanted = [WeightedResults(self.t, *w) for w in zip(np.concatenate([q, u], axis=-1), outputs, strict=True)]
         options = {SAME[n]: y for n, y in self.options.items()}
         found = self.solver.judge(
             (self.t[0], self.t[-1]), wanted, **self._variables.motion(x), wrt=self.names, method="adjoint", **options
         )
-        return np.asarray(found.gradients).reshape(*of_outputs.shape[:-2], -1)
+        return np.asarray(found.gradients).reshape(*several, -1)
+
+    @property
+    def _reverses(self) -> bool:
+        """Whether the package has the functions of the adjoint."""
+        return hasattr(self.solver, "judge") and "sensitivities_transposed" in self.solver._functions
 
     def _run(self, x: Array) -> tuple[Array, ...]:
         run = self.solver.simulate(self.t, **self._variables.motion(x, derivatives=False), **self.options)

@@ -8,7 +8,15 @@ import numpy as np
 
 from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.motion.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
+from ..runtime.standalone.motion.functionals import (
+    At,
+    AtEvent,
+    Final,
+    Functional,
+    Integral,
+    LeastSquares,
+    WeightedResults,
+)
 
 ROWS = 40
 """Largest number of variables in the summary."""
@@ -118,6 +126,8 @@ def in_words(f: Functional) -> str:
             return f"{f.output} where {f.event.output} = {f.event.level:g}"
         case LeastSquares():
             return f"half the squares of {', '.join(f.samples)}"
+        case WeightedResults():
+            return "weighted sum of states and outputs"
 
 
 __all__ = ["AT_BOUND", "Outcome", "at_bound", "in_words"]

@@ -58,8 +58,8 @@ def judge(solver: Any, t: Any, functionals: Any, *, wrt: str | Sequence[str], **
 def simulate(solver: Any, t: Any, *, wrt: str | Sequence[str], **options: Any) -> Callable[..., Any]:
     """Return a motion as a function of its variables for JAX: states and outputs at given times, with exact derivatives.
 
-    The motion runs outside of XLA, by `Solver.simulate`. Derivatives use its sensitivities. A gradient that depends on
-    outputs alone uses the discrete adjoint if that is cheaper. `jax.vmap` runs one motion after another.
+    The motion runs outside of XLA, by `Solver.simulate`. Derivatives use its sensitivities; gradients use the
+    discrete adjoint if that is cheaper. `jax.vmap` runs one motion after another.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ def judge(solver: Any, t: Any, functionals: Any, *, wrt: str | Sequence[str], **
 def simulate(solver: Any, t: Any, *, wrt: str | Sequence[str], **options: Any) -> Callable[..., Any]:
     """Return a motion as a function of its variables for PyTorch: states and outputs at given times, with exact derivatives.
 
-    Derivatives use the motion's sensitivities. A gradient that depends on outputs alone uses the discrete adjoint if
-    that is cheaper. `torch.func.vmap` runs one motion after another.
+    Derivatives use the motion's sensitivities; gradients use the discrete adjoint if that is cheaper.
+    `torch.func.vmap` runs one motion after another.
 
     Parameters
     ----------

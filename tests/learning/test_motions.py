@@ -122,17 +122,64 @@ def test_whole_motions_in_torch(solver: codegen.Solver, torch: Any) -> None:
     close(torch.autograd.grad((run.q**2).sum() + run.outputs[2].sum(), x), [wanted])
 
 
-def test_gradients_by_many_variables_use_the_adjoint(solver: codegen.Solver, jax: Any, monkeypatch: Any) -> None:
-    names = [*solver.parameter_names, "q0.upper", "q0.lower", "u0.upper", "u0.lower"]
-    f = codegen.jax.simulate(solver, TIMES, wrt=names, rtol=1e-10)
-    x = np.concatenate([solver.parameters, *solver.initial])
-    weights = np.cos(np.arange(len(TIMES) * solver.noutputs)).reshape(len(TIMES), -1)
+def _every(solver: codegen.Solver) -> tuple[list[str], Any]:
+    """All parameters, independent initial values and constant inputs, and their values."""
+    q = dict(zip(solver.coordinate_names, solver.initial[0], strict=True))
+    u = dict(zip(solver.speed_names, solver.initial[1], strict=True))
+    values = dict(zip(solver.parameter_names, solver.parameters, strict=True))
+    values |= {f"q0.{n}": q[n] for n in solver.independent_names}
+    values |= {f"u0.{n}": u[n] for n in solver.independent_speed_names}
+    values |= {f"inputs.{n}": 0.0 for n in solver.input_names}
+    return list(values), np.array([*values.values()])
+
+
+@pytest.mark.parametrize("model", ["solver", "four_bar"])
+@pytest.mark.parametrize("library", ["jax", "torch"])
+def test_gradients_by_many_variables_use_the_adjoint(model: str, library: str, request: Any, monkeypatch: Any) -> None:
+    """Of states, dependent ones among them, and of outputs: to rounding the weighted sums of forward sensitivities."""
+    of, solver = request.getfixturevalue(library), request.getfixturevalue(model)
+    names, x = _every(solver)
+    assert len(names) > 8
+    f = getattr(codegen, library).simulate(solver, TIMES, wrt=names, rtol=1e-10)
     run = solver.simulate(TIMES, sensitivities=names, rtol=1e-10)
-    seen = []
+    weights = [np.cos(1.0 + np.arange(y.size)).reshape(y.shape) for y in (run.q, run.u, run.outputs)]
+    each = [np.einsum("tn,ktn->k", w, d) for w, d in zip(weights, (run.dq, run.du, run.doutputs), strict=True)]
+    seen: list[str] = []
     monkeypatch.setattr(type(solver), "judge", _noting(type(solver).judge, seen))
-    found = jax.grad(lambda x: (f(x).outputs * weights).sum())(x)
-    np.testing.assert_allclose(found, np.einsum("tn,ktn->k", weights, run.doutputs), rtol=1e-9, atol=1e-9)
-    assert seen == ["adjoint"]
+    for use in ([0], [1], [0, 1, 2]):
+        wanted = sum(each[i] for i in use)
+
+        def weighed(x: Any, use: list[int] = use) -> Any:
+            moved = f(x)
+            return sum((moved[i] * (weights[i] if library == "jax" else of.tensor(weights[i]))).sum() for i in use)
+
+        if library == "jax":
+            found = of.jit(of.grad(weighed))(x)
+        else:
+            y = of.tensor(x, requires_grad=True)
+            (found,) = of.autograd.grad(weighed(y), y)
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+    assert seen == ["adjoint"] * 3
+
+
+def test_gradcheck_of_many_variables(four_bar: codegen.Solver, torch: Any) -> None:
+    """PyTorch's own comparison with differences, by the adjoint and by forward sensitivities; steps are constant."""
+    names, x = _every(four_bar)
+    f = codegen.torch.simulate(four_bar, TIMES[:3], wrt=names, method="rk4", step=0.02)
+    y = torch.tensor(x, requires_grad=True)
+    assert torch.autograd.gradcheck(lambda y: f(y)[:2], y, atol=1e-7, rtol=1e-5)
+    assert torch.autograd.gradcheck(
+        lambda y: (f(y).q ** 2).sum() + (f(y).u * f(y).u.cos()).sum(), y, atol=1e-7, rtol=1e-5
+    )
+
+
+def test_a_package_without_the_adjoint_uses_sensitivities(tmp_path: Path, torch: Any) -> None:
+    solver = made(codegen.load_model(EXAMPLES / "double_pendulum.yaml"), tmp_path / "lean", functions=["simulate"])
+    names, x = _every(solver)
+    y = torch.tensor(x, requires_grad=True)
+    (found,) = torch.autograd.grad(codegen.torch.simulate(solver, TIMES, wrt=names)(y).q.sum(), y)
+    wanted = solver.simulate(TIMES, sensitivities=names).dq.sum((1, 2))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
 def _noting(judge: Any, seen: list[str]) -> Any:

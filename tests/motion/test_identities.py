@@ -17,6 +17,7 @@ from motion.models import EXAMPLES, Made, example, mechanism, parsed, split, tre
 import codegen.runtime.standalone.motion.adjoint as motion_adjoint
 import codegen.runtime.standalone.motion.functional_gradients as judging
 from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares
+from codegen.runtime.standalone.motion.functionals import WeightedResults
 
 END = 0.4
 
@@ -60,10 +61,19 @@ def functionals(solver: Any, rng: np.random.Generator, level: float | None) -> l
         LeastSquares(times, {first: samples[0], last: samples[1]}, {first: 0.3, last: rng.uniform(0.5, 1, 9)}), Integral(first),
         LeastSquares([0.1, 0.2], {last: [0.3, 0.4]}), Final("kinetic"),
     ]  # fmt: skip
+    found.append(weighted_results(solver, times))
     if level is not None:
         event = Event("height" if "height" in solver.output_names else first, level, stop=False)
         found[1:1] = [AtEvent("t", event), AtEvent("kinetic", event)]
     return found
+
+
+def weighted_results(solver: Any, times: Any) -> WeightedResults:
+    """Random weights of all coordinates and speeds, quaternions and dependent ones among them, and of two outputs."""
+    rng = np.random.default_rng(solver.nq)
+    outputs = np.zeros((len(times), solver.noutputs))
+    outputs[:, [0, -1]] = rng.normal(size=(len(times), 2))
+    return WeightedResults(times, rng.normal(size=(len(times), solver.nq + solver.nu)), outputs)
 
 
 def both(made: Made, wanted: Any, wrt: list[str], inputs: Any, **options: Any) -> tuple[Any, Any]:
@@ -116,7 +126,9 @@ def test_forward_is_adjoint(made: Callable[..., Made], name: str, integrator: st
 def test_one_functional_uses_single_lanes(made: Callable[..., Made]) -> None:
     of = made(*MODELS["tree"])
     wrt = directions(of.solver, None, np.random.default_rng(1), 17)
-    for f in (Final("height"), Integral("kinetic"), At("speed", 0.111), LeastSquares([0.2, 0.3], {"speed": [0, 1]})):
+    weighted = weighted_results(of.solver, np.array([0.1, 0.3]))
+    squares = LeastSquares([0.2, 0.3], {"speed": [0, 1]})
+    for f in (Final("height"), Integral("kinetic"), At("speed", 0.111), squares, weighted):
         agree(*both(of, f, wrt, None))
 
 
@@ -167,7 +179,8 @@ def test_independents_that_change_on_the_way(made: Callable[..., Made], integrat
     )
     of = made(parsed, text, partitions=2, functions=("motion",))
     crossed = AtEvent("speed", Event("stroke", 0.52, stop=False))
-    wanted = [Final("stroke"), At("speed", 0.11), Integral("kinetic"), crossed, At("stroke", 0.333)]
+    weighted = weighted_results(of.solver, np.linspace(0.0, END, 7))
+    wanted = [Final("stroke"), At("speed", 0.11), Integral("kinetic"), crossed, At("stroke", 0.333), weighted]
     wrt = [*of.solver.parameter_names, "q0.piston", "u0.piston", "inputs.load"]
     options = INTEGRATORS[integrator] | ({"step": 0.003} if integrator == "rk4" else {})
     forward, adjoint = both(of, wanted, wrt, [0.5], **options)

@@ -260,12 +260,13 @@ int ordernm_row(ordernm_motion *motion, ordernm_results *results, ordernm_scalar
 
 /* ---- The discrete adjoint: gradients of weighted sums of results, from the end to the start. ---- */
 
-/* Functionals are weighted sums of outputs at times, and of integrals at the end. */
+/* Functionals are weighted sums of outputs and states at times, and of integrals at the end. */
 typedef struct {
     int nfunctionals;
     long ntimes;
-    const ordernm_scalar *times;      /* increasing times of the weighted outputs, which may differ from the times of results */
+    const ordernm_scalar *times;      /* increasing times of the weighted results, which may differ from the problem's times of results */
     const ordernm_scalar *weights;    /* [nfunctionals][ntimes][noutputs]; 0 for none */
+    const ordernm_scalar *state_weights; /* [nfunctionals][ntimes][nq + nu]; 0 for none */
     long nbehind;                     /* number of times just after jumps at events, with weights of outputs */
     const ordernm_scalar *behind;     /* these times, increasing, as in the rows of events; a step starts at each */
     const ordernm_scalar *behind_weights; /* [nfunctionals][nbehind][noutputs] weights of outputs at these times */

@@ -100,39 +100,96 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scal
     return status;
 }
 
-/* The adjoint of a state from weights of its outputs at one time, [nfunctionals][ntimes][noutputs], for a group of functionals. */
-static int outputs_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, const scalar *weights, long ntimes, long time,
-    scalar *nu)
+/* Adds to nu what the weights of outputs at one time contribute, [nfunctionals][ntimes][noutputs], for a group of functionals. */
+static int outputs_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const scalar *weights, long ntimes, long time, scalar *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const int width = a->width, noutputs = m->system->noutputs;
+    for (int l = 0; l < width; ++l) {
+        const long f = (long)n*width + l;
+        for (int i = 0; i < noutputs; ++i)
+            a->weights[i*width + l] = f < a->gradients->nfunctionals ? weights[(f*ntimes + time)*noutputs + i] : 0.0;
+    }
+    if (!ordernm_any(a->weights, noutputs*width)) return 0;
+    clear(a, c);
+    c->outputs = m->outputs;
+    c->doutputs = a->weights;
+    const int status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(c);
+    if (!status) add(a, n, c, c->t, nu);
+    return status;
+}
+
+/* Weights of all coordinates and speeds in lanes, for a group of functionals; element i of functional f is at f*stride + i. */
+static void take_weights(ordernm_adjoint *a, int n, const scalar *of_q, const scalar *of_u, long stride_q, long stride_u)
+{
+    const ordernm_system *const s = a->motion->system;
+    const int width = a->width;
+    for (int l = 0; l < width; ++l) {
+        const long f = (long)n*width + l;
+        const int used = f < a->gradients->nfunctionals;
+        for (int i = 0; i < s->nq; ++i) a->weights_q[i*width + l] = used ? of_q[f*stride_q + i] : 0.0;
+        for (int i = 0; i < s->nu; ++i) a->weights_u[i*width + l] = used ? of_u[f*stride_u + i] : 0.0;
+    }
+}
+
+/* Adds to nu what the weights of all coordinates and speeds contribute, at a state with closed loops. Sets the weights to zero. */
+static int completion_transposed(ordernm_adjoint *a, int n, ordernm_call *c, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const int width = a->width;
-    memset(nu, 0, a->n*width*sizeof(scalar));
-    if (!weights) return 0;
-    for (int i = 0; i < s->noutputs; ++i)
-        for (int l = 0; l < width; ++l) {
-            const int functional = n*width + l;
-            a->weights[i*width + l] =
-                functional < a->gradients->nfunctionals ? weights[((long)functional*ntimes + time)*s->noutputs + i] : 0.0;
-        }
-    if (!ordernm_any(a->weights, s->noutputs*width)) return 0;
+    int status = 0;
+    if (m->identity) {
+        ordernm_accumulate(nu, 1.0, a->weights_q, (long)s->nq*width);
+        ordernm_accumulate(nu + (long)s->nq*width, 1.0, a->weights_u, (long)s->nu*width);
+    } else {
+        clear(a, c);
+        c->full_u = m->udot; /* memory */
+        c->dfull_q = a->weights_q, c->dfull_u = a->weights_u;
+        status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(c);
+        if (!status) add(a, n, c, c->t, nu);
+    }
+    memset(a->weights_q, 0, s->nq*width*sizeof(scalar));
+    memset(a->weights_u, 0, s->nu*width*sizeof(scalar));
+    return status;
+}
+
+/* Adds to nu what the weights of states contribute; the results of a motion have normalised quaternions. */
+static int states_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const scalar *weights, long ntimes, long time, scalar *nu)
+{
+    const ordernm_system *const s = a->motion->system;
+    const int width = a->width;
+    const long size = s->nq + s->nu;
+    take_weights(a, n, weights + time*size, weights + time*size + s->nq, ntimes*size, ntimes*size);
+    if (!ordernm_any(a->weights_q, s->nq*width) && !ordernm_any(a->weights_u, s->nu*width)) return 0;
+    for (int i = 0; i < s->nquaternions; ++i) {
+        scalar e[4];
+        memcpy(e, c->q + s->quaternion[i], sizeof e);
+        ordernm_normalise(e, a->weights_q + s->quaternion[i]*width, width); /* the derivative is a symmetric matrix */
+    }
+    return completion_transposed(a, n, c, nu);
+}
+
+/* The adjoint of a state from weights of its outputs, and of its entries unless `states` is 0, at one of `ntimes` times. */
+static int results_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, const scalar *outputs, const scalar *states,
+    long ntimes, long time, scalar *nu)
+{
+    ordernm_motion *const m = a->motion;
+    memset(nu, 0, a->n*a->width*sizeof(scalar));
+    if (!outputs && !states) return 0;
     ordernm_call c;
     ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
-    if (status) return status;
-    clear(a, &c);
-    c.outputs = m->outputs;
-    c.doutputs = a->weights;
-    if ((status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c))) return status;
-    add(a, n, &c, t, nu);
-    return 0;
+    if (!status && states) status = states_transposed(a, n, &c, states, ntimes, time, nu);
+    if (!status && outputs) status = outputs_transposed(a, n, &c, outputs, ntimes, time, nu);
+    return status;
 }
 
-/* Adds the transposed derivatives of weighted outputs at the last remaining output time. */
+/* Adds the transposed derivatives of weighted results at the last remaining output time. */
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, scalar *nu)
 {
     const ordernm_gradients *const g = a->gradients;
-    return outputs_transposed(a, n, t, z, g->weights, g->ntimes, --a->sampled[n], nu);
+    return results_transposed(a, n, t, z, g->weights, g->state_weights, g->ntimes, --a->sampled[n], nu);
 }
 
 /* Adds the weights after a jump at the start of the current step. */
@@ -144,7 +201,7 @@ int ordernm_sample_behind(ordernm_adjoint *a)
     while (a->behind > 0 && g->behind[a->behind - 1] >= m->t) {
         a->timed = --a->behind;
         for (int n = 0; n < a->ngroups; ++n) {
-            const int status = outputs_transposed(a, n, m->t, m->z, g->behind_weights, g->nbehind, a->timed, a->nu);
+            const int status = results_transposed(a, n, m->t, m->z, g->behind_weights, 0, g->nbehind, a->timed, a->nu);
             if (status) return status;
             ordernm_accumulate(a->lambda + n*size, 1.0, a->nu, size);
         }
@@ -217,22 +274,10 @@ int ordernm_completion_transposed(ordernm_adjoint *a, int n, scalar *lambda)
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const ordernm_gradients *const g = a->gradients;
-    const int width = a->width;
     ordernm_call c;
     ordernm_arguments(m, m->t, m->z, &c);
     c.q = g->whole_q, c.u = g->whole_u;
-    clear(a, &c);
-    for (int l = 0; l < width; ++l) {
-        const long f = (long)n*width + l;
-        for (int i = 0; i < s->nq; ++i) a->weights_q[i*width + l] = f < g->nfunctionals ? g->end_q[f*s->nq + i] : 0.0;
-        for (int i = 0; i < s->nu; ++i) a->weights_u[i*width + l] = f < g->nfunctionals ? g->end_u[f*s->nu + i] : 0.0;
-    }
-    c.full_u = m->udot;
-    c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
+    take_weights(a, n, g->end_q, g->end_u, s->nq, s->nu);
     m->precise = s->precise != 0; /* condition numbers are large where independent coordinates change */
-    const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
-    if (!status) add(a, n, &c, m->t, lambda);
-    memset(a->weights_q, 0, s->nq*width*sizeof(scalar));
-    memset(a->weights_u, 0, s->nu*width*sizeof(scalar));
-    return status;
+    return completion_transposed(a, n, &c, lambda);
 }

@@ -1,4 +1,4 @@
-"""The discrete adjoint of a motion: gradients of weighted sums of outputs, integrated from the end to the start."""
+"""The discrete adjoint of a motion: gradients of weighted sums of results, integrated from the end to the start."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ class Adjoint:
 
 
 def segment_backwards(
-    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, behind: tuple[Array, Array, Array],
-    integral_weights: Array, end_q: Array, end_u: Array, whole: tuple[Array, Array] | None = None,
+    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, of_states: Array,
+    behind: tuple[Array, Array, Array], integral_weights: Array, end_q: Array, end_u: Array,
+    whole: tuple[Array, Array] | None = None,
 ) -> Adjoint:  # fmt: skip
     """Gradients of m functionals with respect to the start, parameters and inputs of a segment whose steps were kept.
 
@@ -43,6 +44,8 @@ def segment_backwards(
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
         Derivatives of the functionals by the outputs at these times, all of which are in the segment.
+    of_states : array (m, ntimes, nq + nu), or (m, ntimes, 0) for zeros
+        Derivatives of the functionals by the coordinates and speeds at these times.
     behind : array (n,), (m, n, noutputs), (m, n)
         Times of events at which outputs jump, derivatives of the functionals by the outputs after the jump, and by these times.
     end_q, end_u : array (m, nq), (m, nu)
@@ -59,12 +62,15 @@ def segment_backwards(
     found = [np.zeros(s) for s in shapes]
     g = ffi.new("ordernm_gradients *")
     state = whole or (np.zeros(0), np.zeros(0))
-    held = [np.ascontiguousarray(x, float) for x in (times, weights, *behind, integral_weights, end_q, end_u, *state)]
+    held = [
+        np.ascontiguousarray(x, float)
+        for x in (times, weights, of_states, *behind, integral_weights, end_q, end_u, *state)
+    ]
     pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
     g.nfunctionals, g.ntimes, g.nbehind = m, len(times), len(behind[0])
     members = (
-        "times", "weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q", "end_u", "whole_q",
-        "whole_u", "q", "u", "p", "inputs",
+        "times", "weights", "state_weights", "behind", "behind_weights", "time_weights", "integral_weights", "end_q",
+        "end_u", "whole_q", "whole_u", "q", "u", "p", "inputs",
     )  # fmt: skip
     for name, pointer in zip(members, pointers, strict=True):
         setattr(g, name, pointer)

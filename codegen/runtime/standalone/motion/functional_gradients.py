@@ -24,7 +24,17 @@ from ..warning import warn
 from .adjoint import Adjoint, segment_backwards
 from .directions import Directions
 from .flat_poses import lost_directions, what_is_lost
-from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
+from .functionals import (
+    At,
+    AtEvent,
+    Final,
+    Functional,
+    Integral,
+    Judged,
+    LeastSquares,
+    WeightedResults,
+    check_functionals,
+)
 from .hessians import Motion, Wanted, check_joints, check_supported, curvature_of, directions_of
 from .problem import Problem, Run
 from .settings import Settings, Start
@@ -45,14 +55,23 @@ two are for the adjoint: the cost with one functional, and with two to eight."""
 class Weights:
     """Derivatives of functionals by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
 
+    `states` contains the derivatives by coordinates and speeds at these times (m, nt, nq + nu); (m, nt, 0) if all are zero.
     `behind` contains the times (n,) of events at which outputs jump, derivatives by outputs after the jumps (m, n, noutputs), and
     by the times of jumps that a switch causes (m, n).
     """
 
     times: Array
     outputs: Array
+    states: Array
     behind: tuple[Array, Array, Array]
     integrals: Array
+
+    def after(self, t: float) -> Any:
+        """Whether functionals (m,) depend on results after time t."""
+        later = self.times > t
+        times, of_outputs, of_times = self.behind
+        parts = (self.outputs[:, later], self.states[:, later], of_outputs[:, times > t], of_times[:, times > t, None])
+        return np.any([(x != 0.0).any(axis=(1, 2)) for x in parts], axis=0) | (self.integrals != 0.0).any(axis=1)
 
 
 class FunctionalGradients(Simulation):
@@ -89,7 +108,7 @@ class FunctionalGradients(Simulation):
                 [f.t]
                 if isinstance(f, At)
                 else np.asarray(f.times, float).tolist()
-                if isinstance(f, LeastSquares)
+                if isinstance(f, (LeastSquares, WeightedResults))
                 else ()
             )
         events = list(dict.fromkeys(f.event for f in wanted if isinstance(f, AtEvent)))
@@ -239,13 +258,7 @@ class FunctionalGradients(Simulation):
         """Sets gradients to NaN, with a warning, along directions that have no derivative after a flat pose."""
         taken = []
         for of in lost_directions(run, directions.dp):
-            times, of_outputs, of_times = weights.behind
-            behind = (
-                (weights.outputs[:, weights.times > of.t] != 0.0).any(axis=(1, 2))
-                | (of_outputs[:, times > of.t] != 0.0).any(axis=(1, 2))
-                | (of_times[:, times > of.t] != 0.0).any(axis=1)
-                | (weights.integrals != 0.0).any(axis=1)
-            )
+            behind = weights.after(of.t)
             if behind.any():
                 gradients[np.ix_(behind, of.directions)] = np.nan
                 taken.append(of)
@@ -259,9 +272,11 @@ class FunctionalGradients(Simulation):
         q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
         outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
         outputs[~weights.outputs.any(axis=(0, 1))] = 1.0  # no functional depends on these outputs
-        by = self._sizes_of_directions(directions, q, u, problem)[0]
+        by, q, u = self._sizes_of_directions(directions, q, u, problem)
         by_behind = np.abs(weights.behind[1]).sum(axis=1) @ outputs + np.abs(weights.behind[2]).sum(axis=1)
         whole = np.abs(weights.outputs).sum(axis=1) @ outputs + by_behind + np.abs(weights.integrals) @ integrals
+        if weights.states.size:
+            whole += np.abs(weights.states).sum(axis=1) @ np.concatenate([q, u])
         if (np.isfinite(gradients) & (np.abs(gradients) * by > MEANINGLESS * whole[:, None])).any():
             warn(meaningless("gradients have"))
 
@@ -286,7 +301,7 @@ class FunctionalGradients(Simulation):
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
     ) -> tuple[Array, Weights]:
         """Values of functionals, and their derivatives by outputs and integrals."""
-        m, nt = len(wanted), len(run.rows)
+        m = len(wanted)
         t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
         integrals = self._of_rows(run.rows, 4, problem)
         happened = sorted({c.t for c in crossings.values() if c.pace >= 0.0})
@@ -296,6 +311,8 @@ class FunctionalGradients(Simulation):
         places = np.searchsorted(times, t)
         values = np.zeros(m)
         by_output = np.zeros((m, len(times), self.noutputs))
+        of_states = any(isinstance(f, WeightedResults) for f in wanted)
+        by_state = np.zeros((m, len(times), self.nq + self.nu if of_states else 0))
         by_integral = np.zeros((m, len(problem.integrals)))
         ended = run.reason == "end"
         for i, f in enumerate(wanted):
@@ -330,15 +347,16 @@ class FunctionalGradients(Simulation):
                     elif c.pace == BY_STATE:
                         by_time[i, row] = rate
                 case LeastSquares():
-                    rows = np.searchsorted(t, np.asarray(f.times, float))
-                    if rows.size and rows[-1] == nt:
-                        raise SimulationError(
-                            f"an event has ended the motion before the last sample, at {run.counts['t']:.9g} s", None
-                        )
+                    rows = _rows_at(t, f.times, run)
                     error, weight = f.residuals(outputs[rows], self.output_names)
                     values[i] = 0.5 * float(np.sum(error * error))
                     by_output[i, places[rows]] += error * weight
-        return values, Weights(times, by_output, (behind, by_behind, by_time), by_integral)
+                case WeightedResults():
+                    rows = _rows_at(t, f.times, run)
+                    states = run.rows[rows, 1 : 1 + self.nq + self.nu]
+                    values[i] = np.sum(f.states * states) + np.sum(f.outputs * outputs[rows])
+                    by_state[i, places[rows]], by_output[i, places[rows]] = f.states, f.outputs
+        return values, Weights(times, by_output, by_state, (behind, by_behind, by_time), by_integral)
 
     def _forward(
         self,
@@ -350,13 +368,14 @@ class FunctionalGradients(Simulation):
         k: int,
     ) -> Array:
         """Gradients of functionals from forward sensitivities."""
-        doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # shape (nt, k, noutputs)
+        parts = (3, 1, 2) if weights.states.size else (3,)
+        results = np.concatenate([self._derivatives_of_rows(run.rows, problem, k, i) for i in parts], axis=-1)
         dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
         places = np.searchsorted(weights.times, run.rows[:, 0])
         found = np.zeros((len(wanted), k))
-        for i, of in enumerate(weights.outputs[:, places]):  # outputs without weight may be infinite
-            rows, outputs = np.nonzero(of)
-            found[i] = of[rows, outputs] @ doutputs[rows, :, outputs]
+        for i, of in enumerate(np.concatenate([weights.outputs, weights.states], axis=-1)[:, places]):
+            rows, which = np.nonzero(of)  # results without weight may be infinite
+            found[i] = of[rows, which] @ results[rows, :, which]
             asked = np.flatnonzero(weights.integrals[i])
             found[i] += weights.integrals[i, asked] @ dintegrals[-1][:, asked].T
         for i, f in enumerate(wanted):
@@ -381,8 +400,8 @@ class FunctionalGradients(Simulation):
             motion = self._motion(segment.opened)
             self._in_c(segment.opened).run_backwards(motion[2])
             found = segment_backwards(
-                motion, segment, weights.times[within], weights.outputs[:, within], behind,
-                weights.integrals, end_q, end_u, whole,
+                motion, segment, weights.times[within], weights.outputs[:, within], weights.states[:, within],
+                behind, weights.integrals, end_q, end_u, whole,
             )  # fmt: skip
             if total is not None:
                 found.p += total.p
@@ -418,6 +437,14 @@ class FunctionalGradients(Simulation):
                     f"the event {e.output} = {e.level:g} did not occur by t = {run.counts['t']:.9g} s", None
                 )
         return found
+
+
+def _rows_at(t: Array, times: Any, run: Run) -> Any:
+    """The rows of the results at samples."""
+    rows = np.searchsorted(t, np.asarray(times, float))
+    if rows.size and rows[-1] == len(t):
+        raise SimulationError(f"an event has ended the motion before the last sample, at {run.counts['t']:.9g} s", None)
+    return rows
 
 
 def _row_at(t: Array, at: float, output: str, run: Run) -> int:

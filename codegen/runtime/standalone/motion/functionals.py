@@ -156,7 +156,26 @@ class LeastSquares:
         return error, weight
 
 
-Functional = Final | At | Integral | AtEvent | LeastSquares
+@dataclass(frozen=True, eq=False)
+class WeightedResults:
+    """The sum of weighted coordinates, speeds and outputs over times: what reverse differentiation of a motion needs.
+
+    Attributes
+    ----------
+    times : array (nt,)
+        Times, s, increasing.
+    states : array (nt, nq + nu)
+        Weights of coordinates, then of speeds; those of quaternions are weights of normalised ones.
+    outputs : array (nt, noutputs)
+        Weights of outputs.
+    """
+
+    times: Array
+    states: Array
+    outputs: Array
+
+
+Functional = Final | At | Integral | AtEvent | LeastSquares | WeightedResults
 
 
 def check_functionals(given: Any, output_names: Sequence[str], start: float, end: float) -> list[Functional]:
@@ -177,13 +196,13 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
             )
         if isinstance(f, AtEvent):
             take_events(output_names, [f.event])
-        names = list(f.samples) if isinstance(f, LeastSquares) else [f.output]
+        names = [] if isinstance(f, WeightedResults) else list(f.samples) if isinstance(f, LeastSquares) else [f.output]
         for name in names:
             if name not in output_names and not (isinstance(f, AtEvent) and name == "t"):
                 raise no_output(type(f).__name__, name, output_names)
         if isinstance(f, At) and not isinstance(f.t, (int, float, np.number)):
             raise ValueError(f"At: t is {f.t!r}, expected one time, s; give an At for each time, or LeastSquares")
-        if isinstance(f, (At, LeastSquares)):
+        if isinstance(f, (At, LeastSquares, WeightedResults)):
             times = np.atleast_1d(np.asarray(f.t if isinstance(f, At) else f.times, float))
             if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0).any():
                 raise ValueError(f"{type(f).__name__}: times must be finite and increasing")

@@ -14,7 +14,7 @@ from ..errors import PackageError
 from ..statics.second_derivatives import SecondDerivatives
 from .adjoint import made_again
 from .at_states import AtStates
-from .functionals import AtEvent, Functional, LeastSquares
+from .functionals import AtEvent, Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
 
 TOGETHER = 8
@@ -68,8 +68,8 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         what = f"{package.name} has forces or outputs with branches (abs, min, a comparison, ...), but hessian needs smooth ones"
     elif method == "radau":
         what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
-    elif any(isinstance(f, AtEvent) for f in wanted):
-        what = "a functional is AtEvent; allowed are Final, At, Integral and LeastSquares"
+    elif refused := [type(f).__name__ for f in wanted if isinstance(f, (AtEvent, WeightedResults))]:
+        what = f"a functional is {refused[0]}; allowed are Final, At, Integral and LeastSquares"
     if what:
         raise ValueError(f"hessian: {what}. Gradients are available without hessian")
     for name in ("hessian_products", "sensitivities_transposed", "output_sensitivities_transposed"):
