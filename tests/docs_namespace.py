@@ -14,7 +14,10 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "solver": ("double_pendulum", {"reactions": True, "frames": True}),
     "four_bar": ("four_bar", {"partitions": 2}),
-    "slider_crank": ("slider_crank", {"functions": "assemble_hessian_products"}),
+    "slider_crank": (
+        "slider_crank",
+        {"functions": "statics,assemble_gradients,gradients,hessian_products,assemble_hessian_products"},
+    ),
     "shaken": ("shaken_pendulum", {}),
     "pendulum": (
         "pendulum",

@@ -165,6 +165,7 @@ def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
         "state/frames",
         "state/frame_motion",
         "state/hessians",
+        "statics/curvature",
         "motion/kinks",
         "motion/prescribed_branches",
         "trust/single_precision",

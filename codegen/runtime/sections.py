@@ -35,6 +35,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "hessian_products", "output_hessian_products", "energy_hessian_products", "inverse_dynamics_hessian_products",
         "coordinate_rate_hessian_products", "assemble_hessian_products",
     ),
+    "second derivatives of equilibria": (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "hessian_products",
+    ),
     "energies": ("energies", "energy_sensitivities"), "outputs": ("outputs", "output_sensitivities"),
     "forces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "inverse of the mass matrix": ("inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),
@@ -53,7 +56,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Modules and C files that a package contains only if its manifest contains one of these keys."""
 
-TOGETHER = ("statics", "first-order equations", "state.loop_forces")
+TOGETHER = ("statics", "first-order equations", "second derivatives of equilibria", "state.loop_forces")
 """Entries of both tables whose keys must all occur in the manifest."""
 
 ANYWAY = ("weighted gradients", "outputs")

@@ -44,7 +44,7 @@ METHODS = {
         ("frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view"), "frames"
     ),
     **dict.fromkeys(("equilibrium", "linearize", "ode"), "statics"), "diagnose": "accelerations", "judge": "motion",
-    "hessians": "hessian_products",
+    "hessians": "hessian_products", "equilibrium_hessian_products": "hessian_products",
 }  # fmt: skip
 """Methods of a solver that consist of several calls, and the function or group to select for each of them."""
 

@@ -34,6 +34,7 @@ from .state.hessians import Hessians
 from .state.jacobians import jacobians
 from .state.reactions import JointLinks, joint_links, reaction_sensitivities_of, reactions_of
 from .state.weighted_gradients import WeightedGradients
+from .statics.curvature import EquilibriumProducts, equilibrium_products
 from .statics.equilibrium import Equilibrium
 from .statics.linearization import Linearization
 from .statics.statics import Statics
@@ -1239,6 +1240,53 @@ class Solver(Package):
     @functools.cached_property
     def _hessians(self) -> Hessians:
         return Hessians(self, self._states)
+
+    # -- second derivatives of equilibria ------------------------------------------------------------------------------
+
+    def equilibrium_hessian_products(
+        self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, weights_q: Numbers,
+        dp: Numbers = None, dinputs: Numbers = None,
+    ) -> EquilibriumProducts:  # fmt: skip
+        """Return products of the Hessian of ``sum_i weights_q_i q_i`` of an equilibrium with directions, exact to rounding.
+
+        The equilibrium moves with parameters and inputs; these are the changes of the gradient of the sum, of which
+        `Equilibrium.dq` holds the parts, along the directions. The function needs `hessian_products`, generated on
+        request with ``--functions``; for loops also `assemble_hessian_products` and `assemble_gradients`.
+
+        Parameters
+        ----------
+        q : array_like (nq,), optional
+            The `q` of an `Equilibrium`. Default: the model's initial coordinates.
+        p, inputs, t : array_like (np,), (ninputs,), float, optional
+            Parameters, inputs and time (s) of the equilibrium. Default: default parameters, zero inputs, t = 0.
+        weights_q : array_like (nq,)
+            Weights of the coordinates.
+        dp, dinputs : array_like (k, np), (k, ninputs), optional
+            Entries of k directions; those left out are zero. At least one is needed.
+
+        Returns
+        -------
+        EquilibriumProducts
+            `p` (k, np) and `inputs` (k, ninputs); NaN with a warning if the equilibrium has a neutral direction.
+
+        Raises
+        ------
+        ValueError
+            If q is not an equilibrium, an argument has the wrong shape, or a number is not finite.
+
+        See Also
+        --------
+        equilibrium : Finds the equilibrium, and its first derivatives.
+
+        Examples
+        --------
+        >>> rest = slider_crank.equilibrium(sensitivities="crank_length")
+        >>> by = slider_crank.equilibrium_hessian_products(rest.q, weights_q={"piston": 1.0}, dp={"crank_length": 1.0})
+        >>> by.p[0, :3].round(3)  # of the piston, by crank_length and crank_length, rod_length, offset
+        array([ 0.148,  2.843, -0.341])
+        """
+        given = (q, p, inputs, t)
+        return equilibrium_products(self._statics, self._hessians, self._gradients, given, weights_q, dp, dinputs)
 
     # -- energies ------------------------------------------------------------------------------------------------------
 

@@ -114,6 +114,9 @@ MADE_OF = {
         "hessian_products", "output_hessian_products", "energy_hessian_products", "coordinate_rate_hessian_products",
     ),
     "assemble_hessian_products": ("assemble_hessian_products", *CLOSING),
+    "equilibrium_hessian_products": (
+        "hessian_products", "gradients", "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities",
+    ),
 }  # fmt: skip
 """Methods, each with the generated functions of other names that it calls."""
 
@@ -125,7 +128,7 @@ SOMETIMES = (
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "hessian_products", "hessians", "inverse_dynamics_hessian_products",
     "output_hessian_products", "energy_hessian_products", "coordinate_rate_hessian_products", "assemble_hessian_products",
-    "equilibrium", "linearize", "ode", "simulate", "judge", "diagnose",
+    "equilibrium", "linearize", "ode", "equilibrium_hessian_products", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians", "picture", "view",
 )  # fmt: skip
 """Methods of the solver that a package may lack."""

@@ -424,8 +424,8 @@ class Package:
             among = ", or add it to --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"
         if name == "hessians" or name.endswith("hessian_products"):
-            asked = "hessian_products" if name == "hessians" else name
-            return f"{self.name} was generated without {asked}: add it to --functions"
+            asked = {"hessians": "hessian_products", EQUILIBRIA: "statics,gradients,hessian_products"}.get(name, name)
+            return f"{self.name} was generated without {asked}: add {'them' if ',' in asked else 'it'} to --functions"
         if name.startswith(("frame", "point", "picture", "view")):
             return f"{self.name} was generated without {name}: generate it with --frames"
         left_out, needed = self._manifest.get("left_out", ()), (name, *MADE_OF.get(name, ()))
@@ -449,6 +449,8 @@ class Package:
         if self._watch is not None:
             self._watch(wanted, given, seeds)
 
+
+EQUILIBRIA = "equilibrium_hessian_products"
 
 IN_DOUBLE_ONLY = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
 """Methods available in double precision only."""
