@@ -27,7 +27,6 @@ from ..program.store import Memory, Store
 from ..program.transpose import always
 from ..records import dataclass
 from . import fields
-from .equal_adjoints import merge_equal
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
 from .second_order_poses import attitudes, rotation
@@ -208,14 +207,6 @@ class SecondOrder:
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: base_of(a) not in self.dropped)
         self._drop_zeros(found)
-        runs = [
-            (found[sweep.name][kind.index], partial(self._places, kind, sweep))
-            for sweep in (SWEEP[name] for name in found if name in self.parts)
-            for kind in sweep.kinds(self.system)
-            if kind.index in found[sweep.name]
-        ]
-        for memory in (ADJOINT, ADJOINT_LANE, MASS_LANE):
-            merge_equal(memory, runs)
         if self.one_of_trees:
             self._assign_first(found)
         if self.one_of_loops:

@@ -25,8 +25,8 @@ def same_as_adjoint(solver: codegen.Solver, state: tuple[np.ndarray, ...], secon
     inputs = inputs[: len(solver.signal_names)]
     wanted = [f(n) for n in solver.output_names[:4] for f in (Final, Integral)]
     wrt = [
-        *solver.parameter_names, *(f"inputs.{n}" for n in solver.signal_names), *(f"q0.{n}" for n in solver.coordinate_names),
-        *(f"u0.{n}" for n in solver.speed_names),
+        *solver.parameter_names, *(f"inputs.{n}" for n in solver.signal_names), *(f"q0.{n}" for n in solver.independent_names),
+        *(f"u0.{n}" for n in solver.independent_names),
     ]  # fmt: skip
     given = {
         "q": q,

@@ -26,8 +26,8 @@ ALONG = (
 )  # fmt: skip
 """Functions over directions that integration calls."""
 
-CURVED = ("hessian_products", "gradient_tangents")
-"""Functions over directions that Hessian products of motions call."""
+CURVED = "gradient_tangents"
+"""The function over directions that Hessian products of motions call."""
 
 WIDTHS = (1, 8)
 """Numbers of directions that the integrators compute together."""
@@ -87,11 +87,9 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
     for f in [f for f in VALUES if f in functions]:
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
-    if CURVED[1] in functions:
-        functions.pop(CURVED[0])  # motions call CURVED[1] instead
-    for f in [f for f in (*ALONG, *CURVED) if f in functions]:
+    for f in [f for f in (*ALONG, CURVED) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
-        of = second if f.endswith("_transposed") or f in CURVED else first
+        of = second if f.endswith("_transposed") or f == CURVED else first
         parts[of] += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for w in WIDTHS]
         if of == second:
             backwards[f] = symbols

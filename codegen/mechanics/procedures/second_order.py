@@ -8,7 +8,6 @@ from dataclasses import replace
 from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_VALUES,
-    GROUND_GRADIENT,
     GROUND_TWICE,
     Array,
     Bind,
@@ -22,11 +21,10 @@ from ...program.procedure import (
     Zero,
 )
 from ..quantities import run
-from ..second_order import varying_of_ground
 from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
-from .second_order_loops import WithLoops, bar_of
+from .second_order_loops import WithLoops, bar_of, ground_gradient, transposed
 from .second_order_measures import (
     ASSEMBLY_PRODUCTS,
     ENERGY_PRODUCTS,
@@ -62,14 +60,14 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
     gradient = tuple(w.one(f"dg{n}") for n in w.state)
     values = tuple(w.one(f"g{n}") for n in w.state) if motion else ()
     ends = tuple(w.one(f"g{n}").called(f"gradient_{n}") for n in w.state) if motion else ()
-    given = (weights.tangent(),) if motion else ()
+    known = (weights.tangent(), found) if motion else ()
     solved: tuple[Step, ...] = (Own(found), Bind(dudot, found), w.balance)
     if motion:  # the balance would also store the values of the inverse dynamics
         solved = (Own(w.one("force")), *run("found_motion", "missing_forces"), Bind(dudot, found), w.seeded)
     steps: tuple[Step, ...]
     if w.loops:
-        loops = WithLoops(w, parts.formulas, parts.bars)
-        steps = (*w.solved, *loops.adjoints(weights, virtual), *loops.along(gradient))
+        loops = WithLoops(w, parts.formulas, parts.bars, ends)
+        steps = (*w.solved, *loops.adjoints(weights, virtual), *loops.along(gradient, known))
     else:
         steps = (
             *w.solved,
@@ -84,7 +82,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
             parts.mass_tangents,
             *(parts.gradients(values) if motion else ()),
             Own(right),
-            Combine(right, (), (change, *given)),
+            Combine(right, (), (change, *known[:1])),
             Own(dforce),
             Bind(dudot, dforce),
             *SOLVE,
@@ -99,15 +97,15 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
         (*w.of(*w.state), weights),
         (*gradient, *ends),
         steps,
-        (*(a.tangent() for a in w.of(*w.state)), *given, *((found,) if motion else ())),
+        (*(a.tangent() for a in w.of(*w.state)), *known),
         OTHER_WIDTHS,
         internal=motion,
     )
 
 
 def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The given functions, and `GRADIENT_TANGENTS` if motions of a tree have Hessian products."""
-    if w.loops or not {HESSIAN_PRODUCTS, "state_rates"} <= {p.name for p in found}:
+    """The given functions, and `GRADIENT_TANGENTS` if motions have Hessian products."""
+    if not {HESSIAN_PRODUCTS, "state_rates"} <= {p.name for p in found}:
         return found
     stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
     places = tuple(step for a in stored for step in (Own(a), Zero(a)))
@@ -212,19 +210,7 @@ class _Parts:
     def gradients(self, into: tuple[Array, ...]) -> list[Step]:
         """Add the contributions of formulas and of gravity to the gradient; blocks have stored all other
         contributions."""
-        seeds = tuple((self.w.one(f"d{n}"), a) for n, a in zip(self.w.state, into, strict=True))
-        ground: list[Step] = []
-        if varying_of_ground(self.w.system):
-            ground = [
-                performed("ground_gradient", "The gradient by gravity's parameters.", (Prepare(GROUND_GRADIENT),))
-            ]
-        return [
-            *(
-                Single((f.transpose(),), ((bar.tangent(f"d{f.targets[0]}"), bar),), seeds)
-                for f, bar in zip(self.formulas, self.bars, strict=True)
-            ),
-            *ground,
-        ]
+        return [*transposed(self.w, self.formulas, self.bars, into), *ground_gradient(self.w)]
 
     def adjoint_tangents(self) -> list[Step]:
         """Tangents of the adjoints, which add up to the change of the gradient."""

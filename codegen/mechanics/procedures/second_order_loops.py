@@ -8,6 +8,7 @@ from dataclasses import replace
 from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_VALUES,
+    GROUND_GRADIENT,
     GROUND_TWICE,
     KEPT_ADJOINTS,
     RESTORED_ADJOINTS,
@@ -26,6 +27,7 @@ from ...program.procedure import (
     ZeroEntries,
 )
 from ..quantities import run
+from ..second_order import varying_of_ground
 from ..structure.kinds import EarKind
 from ..sweeps import OF_MASS, TOGETHER, adjoint_name, along_name, back_name, backward_in_loops, mass_name
 from .shared import Shared, performed
@@ -40,6 +42,9 @@ conditions."""
 POSES = ("rotations", "pose")
 """Sweeps on which all other sweeps depend."""
 
+KEPT, RESTORED = (Prepare(KEPT_ADJOINTS),), (Prepare(RESTORED_ADJOINTS),)
+"""Steps that copy the adjoints of links and loops, and that continue from this copy."""
+
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
 
 
@@ -50,8 +55,9 @@ class WithLoops:
     conditions)``: z and y make it stationary in udot and W, n in the dependent speeds, k in the dependent coordinates.
     """
 
-    def __init__(self, w: Shared, formulas: list[Formulas], bars: list[Array]):
-        self.w, self.formulas, self.bars = w, formulas, bars
+    def __init__(self, w: Shared, formulas: list[Formulas], bars: list[Array], ends: tuple[Array, ...] = ()):
+        """`ends`: results for the gradient by each argument, if the function has them."""
+        self.w, self.formulas, self.bars, self.ends = w, formulas, bars, ends
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [
             *(["rotations"] if quaternions else []),
@@ -67,18 +73,20 @@ class WithLoops:
         self.found = self.multiplier.tangent()
         self.gap_right = position.tangent("gap_b")
         self.gaps = [position.called(f"{name}_bar") for name in ("acceleration_gap", "rate_gap", "gap")]
-        self.gq, self.gu = w.one("q").called("gq"), w.one("u").called("gu")
+        self.gradient = dict(zip(w.state if ends else ("q", "u"), w.of(*(f"g{n}" for n in w.state)), strict=False))
+        """Arrays to which adjoints add, besides those of formulas, by the name of the argument."""
+        self.gq, self.gu = self.gradient["q"], self.gradient["u"]
         self.udot_bar = self.udot.called("udot_bar")
         self.multiplier_bar = position.called("multiplier_bar")
         self.along_coordinates = self.udot.called("coordinate_force")
         self.side = self.udot.called("side")
-        self.zero = [self.gq, self.gu]
-        """Arrays to which adjoints add, besides those of formulas."""
-        self.propagated = [self.gq, *(b for b in bars if b.name == "prescribed_bar")]
-        """Arrays to which adjoints of velocities and poses add."""
         closures = [c for kind in w.system.unit_kinds if isinstance(kind, EarKind) for c in kind.closures]
         self.moved_by_velocities = w.elements or any(c.slides for c in closures)
         """Whether forces or conditions in acceleration depend on the velocities of links."""
+        again = ("q", *(("u", "p") if ends else ()))
+        self.propagated = [*(self.gradient[n] for n in again if n in self.gradient)]
+        self.propagated += [b for b in bars if b.name == "prescribed_bar"]
+        """Arrays to which adjoints of velocities and poses add."""
         self.sweeps_of_accelerations = [s for s in self.sweeps if s not in (*POSES, "velocities", "rate_gaps", "gaps")]
 
     # -- values ----------------------------------------------------------------------------------------------------
@@ -112,19 +120,23 @@ class WithLoops:
             Own(force_bar),
             Combine(force_bar, (), (virtual,)),
             Combine(acceleration_gap, (), (solved,)),
-            *(step for a in (*self.zero, *self.bars) for step in (Own(a), Zero(a))),
+            *map(Own, self.bars),
+            *(map(Bind, self.gradient.values(), self.ends) if self.ends else map(Own, self.gradient.values())),
+            *map(Zero, (*self.gradient.values(), *self.bars)),
             *(Own(a.called(f"kept_{a.name}")) for a in self.propagated),
             self._back("accelerations", self.sweeps_of_accelerations, (Prepare(ADJOINT_VALUES),)),
             *self._formula_gradients(),
-            *([self._back("loads", ["velocities"], self.kept)] if self.moved_by_velocities else []),
+            *([*self.kept, self._back("loads", ["velocities"], KEPT)] if self.moved_by_velocities else []),
             *self._single(self.gu, rate_gap),
-            self._back(
-                "velocities", ["rate_gaps", "velocities"], self.restored if self.moved_by_velocities else (), self.kept
-            ),
+            *(self.restored if self.moved_by_velocities else ()),
+            self._back("velocities", ["rate_gaps", "velocities"], RESTORED if self.moved_by_velocities else (), KEPT),
+            *self.kept,
             self._back("poses", POSES),
             *run("coordinate_forces"),
             *self._single(self.along_coordinates, gap),
-            self._back("values", ["gaps", *POSES], self.restored),
+            *self.restored,
+            self._back("values", ["gaps", *POSES], RESTORED),
+            *self._rest_of_gradient(),
         ]
 
     def _single(self, of: Array, to: Array) -> list[Step]:
@@ -141,39 +153,50 @@ class WithLoops:
 
     @property
     def kept(self) -> tuple[Step, ...]:
-        """Steps that keep a copy of the adjoints."""
-        return (Prepare(KEPT_ADJOINTS), *(Copy(a.called(f"kept_{a.name}"), a) for a in self.propagated))
+        """Steps that copy the arrays to which sweeps that run again add."""
+        return tuple(Copy(a.called(f"kept_{a.name}"), a) for a in self.propagated)
 
     @property
     def restored(self) -> tuple[Step, ...]:
-        """Steps that continue from this copy."""
-        return (Prepare(RESTORED_ADJOINTS), *(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated))
+        """Steps that continue from these copies."""
+        return tuple(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated)
 
     def _formula_gradients(self) -> list[Step]:
-        """Adds the contributions of joint forces to the gradients by coordinates and speeds."""
+        """Adds the contributions of joint forces to the gradient."""
         if not self.w.forces:
             return []
-        (tau_bar,) = (b for b in self.bars if b.name == "tau_bar")
-        (forces,) = self.w.forces
-        into = [(self.w.one(f"d{n}"), self.w.one(n).called(f"formula_g{n}")) for n in self.w.state]
-        tau = self.w.one("tau").tangent()
+        into = {n: self.w.one(n).called(f"formula_g{n}") for n in self.w.state}
         return [
-            *(step for _, a in into for step in (Own(a), Zero(a))),
-            Single((forces.transpose(),), ((tau, tau_bar),), tuple(into)),
-            *(Combine(a, (a, a.called(f"formula_{a.name}"))) for a in (self.gq, self.gu)),
+            *(step for a in into.values() for step in (Own(a), Zero(a))),
+            *transposed(self.w, self.w.forces, self.bars, tuple(into.values())),
+            *(Combine(a, (a, into[n])) for n, a in self.gradient.items()),
+        ]
+
+    def _rest_of_gradient(self) -> list[Step]:
+        """Adds the contributions of all other formulas and of gravity, if the function has the gradient as a result."""
+        if not self.ends:
+            return []
+        rest = [f for f in self.formulas if f not in self.w.forces]
+        return [
+            *transposed(self.w, rest, self.bars, tuple(self.gradient.values())),
+            *ground_gradient(self.w),
+            *(ZeroEntries(a, e) for a, e in zip((self.gq, self.gu), self._dependent(), strict=True) if e),
         ]
 
     # -- along directions ------------------------------------------------------------------------------------------
 
-    def along(self, gradient: tuple[Array, ...]) -> list[Step]:
-        """Tangents of all multipliers and adjoints: the change of the gradient."""
+    def along(self, gradient: tuple[Array, ...], given: tuple[Array, ...] = ()) -> list[Step]:
+        """Tangents of all multipliers and adjoints: the change of the gradient.
+
+        `given`: tangents of the weights, and tangents of udot, if they are arguments.
+        """
         coordinates, (_, *dgaps) = self.along_coordinates.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
         rotations = [along_name(adjoint_name(s)) for s in self.sweeps if s == "rotations"]
         rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.w.forces)
         forces = tuple(replace(f, lanes=True, twice=True) for f in self.w.forces)
         return [
-            *self._tangents(),
+            *self._tangents(given),
             *map(Zero, (*gradient, *(a.tangent() for a in self.bars))),
             performed(
                 "tangents_of_adjoints",
@@ -216,18 +239,19 @@ class WithLoops:
             names = [*rotations, "tangents_outward", *of_loops, "tangents_inward"]
         return (Prepare(ADJOINT_TANGENTS, True), *zero, *(Run(s, True) for s in names))
 
-    def _tangents(self) -> list[Step]:
+    def _tangents(self, given: tuple[Array, ...]) -> list[Step]:
         """Tangents of values, of the wrenches, and of the virtual motion."""
         w, found_dudot = self.w, self.dudot.called("found_dudot")
+        solved: tuple[Step, ...] = (Own(found_dudot), Bind(self.dudot, found_dudot), w.balance)
+        if given:
+            solved = (Bind(self.dudot, found_dudot), w.seeded)
         of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
         dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
         gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
         return [
             *w.along,
-            Own(found_dudot),
-            Bind(self.dudot, found_dudot),
-            w.balance,
+            *solved,
             *(Own(a) for a in (self.side.tangent(), gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
             *map(Own, (self.wrench, *dgaps)),
             Zero(self.wrench),
@@ -244,7 +268,7 @@ class WithLoops:
                 "Tangents of the wrenches of the loops, and of the joint forces with them.",
                 tuple(Run(along_name(s), True) for s in WITH_WRENCHES),
             ),
-            Combine(self.side.tangent(), (), (of_mass,)),
+            Combine(self.side.tangent(), (), (of_mass, *given[:1])),
             Combine(gap_side, (), (of_gaps,)),
             Bind(self.right, self.side.tangent()),
             Bind(self.gap_right, gap_side),
@@ -277,6 +301,26 @@ def bar_of(w: Shared, formulas: Formulas) -> Array:
     """The array of the adjoints of some formulas."""
     (target,) = formulas.targets
     return Array(f"{target}_bar", (), w.system.arrays.get(target) or w.one(target).size)
+
+
+def transposed(
+    w: Shared, formulas: Iterable[Formulas], bars: Iterable[Array], into: tuple[Array, ...]
+) -> tuple[Step, ...]:
+    """Steps that add the contributions of formulas to the gradient; NumPy assigns them."""
+    seeds = tuple(zip((w.one(f"d{n}") for n in w.state), into, strict=True))
+    found = {b.name: b for b in bars}
+    return tuple(
+        Single((f.transpose(),), ((bar.tangent(f"d{f.targets[0]}"), bar),), seeds)
+        for f in formulas
+        for bar in (found[f"{f.targets[0]}_bar"],)
+    )
+
+
+def ground_gradient(w: Shared) -> tuple[Step, ...]:
+    """The step that adds the contributions of gravity to the gradient."""
+    if not varying_of_ground(w.system):
+        return ()
+    return (performed("ground_gradient", "The gradient by gravity's parameters.", (Prepare(GROUND_GRADIENT),)),)
 
 
 def changed(of: str, *sweeps: str) -> Perform:

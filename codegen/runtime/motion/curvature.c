@@ -6,8 +6,8 @@
  *     dY_i = dz + h sum a_ij dk_j,  dkappa_j = h (b_j dlambda + sum_i>j a_ij dnu_i),
  *     dnu_j = f_z(Y_j)^T dkappa_j + (f_zz dY_j + f_zp dp)^T kappa_j,  dlambda <- dlambda + sum dnu_j.
  *
- * The first term of dnu_j is a transpose with other weights, the second one is a Hessian product. Models without loops have one function
- * that computes both and f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the values. */
+ * One function computes both terms of dnu_j and f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the
+ * values. */
 #include "inside.h"
 
 #include <string.h>
@@ -28,8 +28,7 @@ struct ordernm_curvature {
     gradient values, along;           /* results: of one vector of weights, and in lanes */
     scalar *no_dt;                    /* zeros for time */
     scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
-    scalar *weights, *b;              /* weights of udot, for transposes in lanes and for Hessian products */
-    scalar *dudot;                    /* tangents of udot in lanes */
+    scalar *b, *db;                   /* weights of udot, and their tangents; zero for dependent speeds */
 };
 
 static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
@@ -54,9 +53,8 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     }
     c->no_dt = ordernm_numbers(&of, LANES);
     c->p = ordernm_numbers(&of, s->np*(problem->ndirections + LANES));
-    c->weights = ordernm_numbers(&of, s->nu*LANES);
     c->b = ordernm_numbers(&of, s->nu);
-    c->dudot = ordernm_numbers(&of, s->nu*LANES);
+    c->db = ordernm_numbers(&of, s->nu*LANES);
     return of.used;
 }
 
@@ -90,27 +88,22 @@ ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordern
 int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
 
 /* ---- Rows of Python's layout: the values, then the derivatives along each direction. A record ends with all coordinates (models
- * with loops), or with the tangents of udot in lanes, group by group (trees). ---- */
+ * with loops), then the tangents of udot in lanes, group by group. ---- */
 
 static long size_of_rows(const ordernm_curvature *c) { return (1L + c->problem.ndirections)*c->n; }
+
+/* Where a record has the tangents of udot. */
+static long rates_at(const ordernm_curvature *c)
+{
+    return size_of_rows(c) + (c->motion->identity ? 0 : c->motion->system->nq);
+}
 
 long ordernm_hessians_record(const ordernm_curvature *c)
 {
     const ordernm_motion *const m = c->motion;
-    if (!m->identity) return size_of_rows(c) + m->system->nq;
     long lanes = 0;
     for (const group *g = m->groups; g < m->groups + m->ngroups; ++g) lanes += g->width;
-    return size_of_rows(c) + lanes*m->system->nfree_u;
-}
-
-/* Appends the tangents of udot to the record of a stage of a tree. */
-static void keep_rates(const ordernm_curvature *c, const scalar *rate, scalar *to)
-{
-    const ordernm_system *const s = c->motion->system;
-    const ordernm_motion *const m = c->motion;
-    to += size_of_rows(c);
-    for (const group *g = m->groups; m->identity && g < m->groups + m->ngroups; to += s->nfree_u*g++->width)
-        memcpy(to, rate + g->at + s->nfree_q*g->width, s->nfree_u*g->width*sizeof(scalar));
+    return rates_at(c) + lanes*m->system->nu;
 }
 
 static void unpack(const ordernm_curvature *c, const scalar *z, scalar *to)
@@ -137,6 +130,21 @@ static void keep(const ordernm_curvature *c, const scalar *z, scalar *to)
     const ordernm_motion *const m = c->motion;
     unpack(c, z, to);
     if (!m->identity) memcpy(to + size_of_rows(c), m->q, m->system->nq*sizeof(scalar));
+}
+
+/* Rates at a stage, and its record. With loops, all tangents of udot are known only until those of the next group are computed. */
+static int rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, scalar *to)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    scalar *dudot = to + rates_at(c);
+    for (group *g = m->groups; g < m->groups + m->ngroups; dudot += s->nu*g++->width) {
+        const int status = ordernm_rates_of(m, t, z, rate, 1, g, RATES);
+        if (status) return status;
+        memcpy(dudot, m->identity ? rate + g->at + s->nq*g->width : m->dudot, s->nu*g->width*sizeof(scalar));
+    }
+    keep(c, z, to);
+    return 0;
 }
 
 static int close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *to)
@@ -190,9 +198,7 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
             const row *const r = method->rows + i;
             if (i) ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
             const scalar *const z = i ? m->trial : m->z;
-            if ((status = ordernm_rates_of(m, m->t + method->times[i]*h, z, m->rate[i], m->ngroups, m->groups, RATES))) return status;
-            keep(c, z, stages + i*record);
-            keep_rates(c, m->rate[i], stages + i*record);
+            if ((status = rates_and_keep(c, m->t + method->times[i]*h, z, m->rate[i], stages + i*record))) return status;
             nodes[2*i] = m->t + method->times[i]*h;
         }
         if (within && (status = states_within(c, h, to))) return status;
@@ -241,34 +247,6 @@ static void add(ordernm_curvature *c, scalar t, const gradient *of, scalar *nu, 
     if (s->ninputs) add_inputs(c, t, of->inputs, width, from, used, 1.0);
 }
 
-/* Clears the memory of a function's results. */
-static void clear(ordernm_curvature *c, int width)
-{
-    const ordernm_system *const s = c->motion->system;
-    const gradient *const of = &c->along;
-    memset(of->q, 0, s->nq*width*sizeof(scalar));
-    memset(of->u, 0, s->nu*width*sizeof(scalar));
-    memset(of->p, 0, s->np*width*sizeof(scalar));
-    memset(of->inputs, 0, s->ninputs*width*sizeof(scalar));
-}
-
-/* Arguments at a state of which all coordinates are known. */
-static void arguments(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, ordernm_call *call)
-{
-    ordernm_arguments(c->motion, t, z, call);
-    if (!c->motion->identity) call->q = q;
-}
-
-/* Sets weights of udot in lanes: values of kappa, or its tangents along the directions of a group. */
-static void set_weights(ordernm_curvature *c, const scalar *kappa, const group *g)
-{
-    const ordernm_system *const s = c->motion->system;
-    const int width = g ? g->width : 1;
-    if (s->nfree_u < s->nu) memset(c->weights, 0, s->nu*width*sizeof(scalar));
-    for (int i = 0; i < s->nfree_u; ++i)
-        memcpy(c->weights + s->free_u[i]*width, kappa + (g ? g->at : 0) + (s->nfree_q + i)*width, width*sizeof(scalar));
-}
-
 /* Adds the adjoints of coordinates to the adjoints of the speeds that are rates of these coordinates. */
 static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *nu, const group *g)
 {
@@ -277,86 +255,35 @@ static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *n
     for (int i = 0; i < n; ++i) nu[at + n + i] += kappa[at + i];
 }
 
-/* nu += f_z^T kappa for values, or for the directions of a group, whose weights are the tangents of kappa. */
-static int transposed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu,
-    const group *g)
+/* Adds to nu, for values and along all directions, the derivatives of kappa^T f at the state of a record: f_z^T kappa and its changes. */
+static int gradients(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
-    ordernm_call call;
-    arguments(c, t, z, q, &call);
-    clear(c, g ? g->width : 1);
-    set_weights(c, kappa, g);
-    call.qdot = m->qdot, call.udot = m->udot;
-    call.dudot = c->weights;
-    call.dq = c->along.q, call.du = c->along.u, call.dp = c->along.p, call.dinputs = c->along.inputs, call.dt = c->along.t;
-    const int status = s->sensitivities_transposed[g ? g->index : ORDERNM_ONE](&call);
-    if (status) return status;
-    add(c, t, &c->along, nu, g);
-    add_rates(c, kappa, nu, g);
-    return 0;
-}
-
-/* Arguments of Hessian products along the directions of a group, with kappa as weights. */
-static void directed(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, const group *g,
-    ordernm_call *call)
-{
-    const ordernm_system *const s = c->motion->system;
-    arguments(c, t, z, q, call);
-    ordernm_seeds(c->motion, t, z, g, call);
-    call->dt = c->no_dt;
-    for (int i = 0; i < s->nfree_u; ++i) c->b[s->free_u[i]] = kappa[s->nfree_q + i];
-    call->b = c->b;
-    call->dgq = c->along.q, call->dgu = c->along.u, call->dgp = c->along.p;
-    call->dginputs = c->along.inputs, call->dgt = c->along.t;
-    ++c->found->products;
-}
-
-/* Adds (f_zz dz + f_zp dp)^T kappa along the directions of a group. */
-static int curved(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu, const group *g)
-{
-    ordernm_call call;
-    directed(c, t, z, q, kappa, g, &call);
-    clear(c, g->width);
-    const int status = c->motion->system->hessian_products[g->index](&call);
-    if (!status) add(c, t, &c->along, nu, g);
-    return status;
-}
-
-/* nu += f_z^T kappa, for values and along all directions, by one function for each group; `rates` are those of keep_rates. */
-static int together(ordernm_curvature *c, scalar t, const scalar *z, const scalar *rates, const scalar *kappa, scalar *nu)
-{
-    ordernm_motion *const m = c->motion;
-    const ordernm_system *const s = m->system;
-    const gradient *const v = &c->values;
-    for (const group *g = m->groups; g < m->groups + m->ngroups; rates += s->nfree_u*g++->width) {
+    const gradient *const v = &c->values, *const d = &c->along;
+    const scalar *dudot = record + rates_at(c);
+    for (const group *g = m->groups; g < m->groups + m->ngroups; dudot += s->nu*g++->width) {
         ordernm_call call;
-        directed(c, t, z, 0, kappa, g, &call);
-        set_weights(c, kappa, g);
-        for (int i = 0; i < s->nfree_u; ++i)
-            memcpy(c->dudot + s->free_u[i]*g->width, rates + i*g->width, g->width*sizeof(scalar));
-        call.db = c->weights, call.found_dudot = c->dudot;
+        ordernm_arguments(m, t, z, &call);
+        if (!m->identity) call.q = record + size_of_rows(c);
+        ordernm_seeds(m, t, z, g, &call);
+        call.dt = c->no_dt;
+        for (int i = 0; i < s->nfree_u; ++i) {
+            c->b[s->free_u[i]] = kappa[s->nfree_q + i];
+            memcpy(c->db + s->free_u[i]*g->width, kappa + g->at + (s->nfree_q + i)*g->width, g->width*sizeof(scalar));
+        }
+        call.b = c->b, call.db = c->db, call.found_dudot = dudot;
         call.gradient_q = v->q, call.gradient_u = v->u, call.gradient_p = v->p, call.gradient_inputs = v->inputs, call.gradient_t = v->t;
+        call.dgq = d->q, call.dgu = d->u, call.dgp = d->p, call.dginputs = d->inputs, call.dgt = d->t;
+        ++c->found->products;
         const int status = s->gradient_tangents[g->index](&call);
         if (status) return status;
-        add(c, t, &c->along, nu, g);
+        add(c, t, d, nu, g);
         add_rates(c, kappa, nu, g);
     }
     add(c, t, v, nu, 0);
     add_rates(c, kappa, nu, 0);
     return 0;
-}
-
-/* The same by separate functions. */
-static int one_by_one(ordernm_curvature *c, scalar t, const scalar *z, const scalar *q, const scalar *kappa, scalar *nu)
-{
-    ordernm_motion *const m = c->motion;
-    int status = transposed(c, t, z, q, kappa, nu, 0);
-    for (const group *g = m->groups; !status && g < m->groups + m->ngroups; ++g) {
-        status = transposed(c, t, z, q, kappa, nu, g);
-        if (!status) status = curved(c, t, z, q, kappa, nu, g);
-    }
-    return status;
 }
 
 static int any(const scalar *x, long n)
@@ -424,10 +351,9 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
         const scalar t = m->t + method->times[i]*h, *const kappa = c->kappa[i];
         const int integrand = integrands && weight[i] != 0.0, weighted = any(kappa, m->size);
         if (!integrand && !weighted) continue;
-        const scalar *const further = stages + i*record + size_of_rows(c);
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
-        if (weighted && (status = (s->gradient_tangents[0] ? together : one_by_one)(c, t, m->trial, further, kappa, c->nu))) return status;
+        if (weighted && (status = gradients(c, t, m->trial, stages + i*record, kappa, c->nu))) return status;
         if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
         accumulate(c->lambda, 1.0, c->nu, m->size);
         for (int j = 0; j < r->count; ++j) accumulate(c->kappa[r->which[j]], h*r->factor[j], c->nu, m->size);

@@ -94,7 +94,6 @@ typedef struct {
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
-    ordernm_function *hessian_products[ORDERNM_WIDTHS]; /* only with loops; trees have the next function */
     ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* weights with tangents, and the gradient among the results */
 } ordernm_system;
 

@@ -34,10 +34,11 @@ class AtStates:
         """
         n, r, free, nq = len(records), self.r, self.free, self.nq
         found = np.zeros((n, 1 + r, nq + self.nu))
-        found[:, :, free] = records[:, : (1 + r) * len(free)].reshape(n, 1 + r, len(free))
+        rows = (1 + r) * len(free)
+        found[:, :, free] = records[:, :rows].reshape(n, 1 + r, len(free))
         loops = len(free) < found.shape[2]
         if loops:
-            found[:, 0, :nq] = records[:, -nq:]
+            found[:, 0, :nq] = records[:, rows : rows + nq]
         if completed and loops:
             found[:, 1:, :nq] = self.along("completion_sensitivities", found, t, within)["dfull_q"].transpose(1, 0, 2)
         return found
