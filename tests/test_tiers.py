@@ -6,7 +6,17 @@ import re
 from collections import Counter
 from pathlib import Path
 
-from tiers import ALWAYS, FACTOR, LIMIT, campaign_cases, function_of, long_functions, missing_and_outdated, recorded
+from tiers import (
+    ALWAYS,
+    FACTOR,
+    LIMIT,
+    campaign_cases,
+    function_of,
+    long_functions,
+    missing_and_outdated,
+    recorded,
+    skipped,
+)
 
 TESTS = Path(__file__).parent
 
@@ -45,4 +55,21 @@ def test_times_of_a_run_are_those_of_functions(tmp_path: Path) -> None:
 
 def test_what_changed_by_far_is_reported() -> None:
     times = Counter({"slow": 1.1 * FACTOR * LIMIT, "near": 1.1 * LIMIT, "listed": 1.1 * LIMIT, "fast": 0.01})
-    assert missing_and_outdated(times, {"listed", "fast", "gone"}) == (["slow"], ["fast", "gone"])
+    assert missing_and_outdated(times, {"listed", "fast", "gone"}, set()) == (["slow"], ["fast", "gone"])
+
+
+def test_nothing_is_said_of_the_time_of_skipped_functions(tmp_path: Path) -> None:
+    case = '<testcase classname="{}" name="{}">{}</testcase>'
+    cases = "".join(
+        case.format(*x)
+        for x in (
+            ("", "tests.fmu.test_units", "<skipped/>"),
+            ("tests.learning.test_jax", "test_a[1]", "<skipped/>"),
+            ("tests.learning.test_jax", "test_b", ""),
+        )
+    )
+    (tmp_path / "run.xml").write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>")
+    unknown = skipped(tmp_path / "run.xml")
+    assert unknown == {"tests/fmu/test_units.py", "tests/learning/test_jax.py::test_a"}
+    listed = {"tests/fmu/test_units.py::test_c", *(f"tests/learning/test_jax.py::test_{n}" for n in "ab")}
+    assert missing_and_outdated(Counter(), listed, unknown)[1] == ["tests/learning/test_jax.py::test_b"]

@@ -19,7 +19,7 @@ jax, jnp, checks = (Extra(m, MISSING) for m in ("jax", "jax.numpy", "jax.test_ut
 CLOSE = {"atol": 1e-8, "rtol": 1e-8}
 
 
-@pytest.fixture(scope="module", autouse=True)
+@pytest.fixture(autouse=True)
 def double_precision() -> None:
     jax.config.update("jax_enable_x64", True)
 
