@@ -147,7 +147,8 @@ def _weights(f: Bridged) -> dict[str, str]:
 
 
 def _call(name: str, f: Bridged, function: Function, more: Mapping[str, str]) -> str:
-    """A call of a generated function on arrays by argument: x, seeds dx, gradients or their changes g."""
+    """The text of a call of a generated function. The array x holds the arguments, dx the seeds, and g gradients or their
+    changes."""
     index = {a: i for i, a in enumerate(f.arguments)}
     known = {a: f"x[{i}]" if a != "t" else f"*x[{i}]" for a, i in index.items()}
     known |= {f"d{a}": f"dx[{i}]" for a, i in index.items()} | {f"dg{a}": f"g[{i}]" for a, i in index.items()}

@@ -369,7 +369,7 @@ class Fit:
         for direction in self.undetermined:
             changes = ", ".join(f"{name} by {change:.4g}" for name, change in direction.items())
             lines.append(
-                f"  no sample changes with a joint change of {changes}; hold one of these fixed, or measure more"
+                f"  no sample changes if these change together: {changes}; hold one of them fixed, or measure more"
             )
         if self.full_covariance is not None:
             lines += self._with_full_hessian(self.full_covariance)

@@ -193,7 +193,7 @@ class Sweep(Sequence[Case | None]):
             import pyarrow.parquet
         except ImportError as error:
             raise ImportError(
-                'Parquet files need pyarrow: pip install "ordernm[parquet]", or pip install pyarrow; files .csv need nothing'
+                'Parquet files need pyarrow: pip install "ordernm[parquet]", or pip install pyarrow; .csv files need no package'
             ) from error
         table = pyarrow.table({name: pyarrow.array(x.tolist()) for name, x in self.columns().items()})
         write_whole(path, lambda file: pyarrow.parquet.write_table(table, file))

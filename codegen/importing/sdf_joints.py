@@ -23,7 +23,7 @@ _JOINT: Final = {
     "drake:rotor_inertia", "drake:gear_ratio", "drake:mimic",
 }  # fmt: skip
 _REMARKS: Final = {
-    "limit": ("of position, speed and force", Effect.STOPS), "physics": ("settings of a simulator", Effect.NONE),
+    "limit": ("limits of position, speed and force", Effect.STOPS), "physics": ("settings of a simulator", Effect.NONE),
     "sensor": ("sensors", Effect.NONE), "drake:controller_gains": ("controllers", Effect.DRIVEN),
     "initial_position": ("the model begins at 0", Effect.NONE),
 }  # fmt: skip

@@ -46,7 +46,7 @@ class SideFile:
 
 
 def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
-    """Read a side file, which may name links as the robot's file or as the model does, and coordinates also by the joint.
+    """Read a side file. Links have their names in the robot's file or in the model; coordinates also that of their joint.
 
     Raises
     ------

@@ -268,7 +268,7 @@ class _Reader(RobotReader):
         damping = self.dynamics(element)
         for limit in element.all("limit"):
             self.leave_out_rest(limit, set())
-            self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "of position, speed and force")
+            self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "limits of position, speed and force")
         if type_ is None or len(ends) < 2:
             return
         joint = RobotJoint(name, place_of(element), types[type_], ends[0], ends[1], frame, laws=(Law(damping),))

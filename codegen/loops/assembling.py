@@ -124,7 +124,7 @@ def first_assembly(
     held : set of int
         Speeds whose coordinates are kept where possible.
     open_ : set of int, optional
-        If given, loops may stay open by the model's tolerance where no joint can close more of them. Such loops are added
+        If given, loops may stay open by the model's tolerance where no joint can close them further. Such loops are added
         to this set.
 
     Returns

@@ -142,9 +142,8 @@ class Conditioning:
         return self.better(drafts) if drafts is not None else None
 
     def _further_reaching(self, given: Comparison) -> Iterator[list[Draft]]:
-        """Choices with which the loops may close more often. For a single loop this is the best of all choices,
-        otherwise the choice made from the start. No quaternion joint is divided to obtain it, and no cluster is added.
-        """
+        """Choices with which the loops may close more often: for a single loop the best of all choices, otherwise the choice
+        made at the initial state. Such a choice divides no quaternion joint and adds no cluster."""
         g = self.geometry
         scalar = not any(g.whole[k] for k in g.speed_body[self.speeds])
         if len(self.loops) == 1 and scalar and math.comb(len(self.free), self.rank) <= FEW:

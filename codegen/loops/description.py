@@ -75,13 +75,12 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         which = ""
         if len(compared) > 1:
             which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
-        text = (
-            f"  dependents{which} together: condition number {found.condition:.2g} (by pivoting: {found.pivoted:.2g})"
-        )
+        other = "choice by pivoting"
+        text = f"  all dependent speeds{which} together: condition number {found.condition:.2g} ({other}: {found.pivoted:.2g})"
         if found.worst == found.worst:
-            text += f"; in 75% of other states at most {found.worst:.2g} (by pivoting: {found.worst_pivoted:.2g})"
+            text += f"; in 75% of other states at most {found.worst:.2g} ({other}: {found.worst_pivoted:.2g})"
         if found.reach == found.reach:
-            text += f"; the loops close in {found.reach:.0%} of random states nearby"
+            text += f"; the loops close after {found.reach:.0%} of random displacements"
         lines.append(text)
     if partition.uncompared:
         lines.append(

@@ -16,7 +16,7 @@ ROUNDING = 5e-16
 """Residual below which Newton's method ends, per unit of the distance from the base in characteristic lengths."""
 
 CLOSED = 1e-10
-"""Residual per unit of the distance from the base below which a ring is closed; it exceeds rounding errors."""
+"""Largest residual of a closed ring, per unit of distance from the base; it exceeds rounding errors."""
 
 SETTLED = 1e-3
 """Relative change of the residual below which the iteration ends."""

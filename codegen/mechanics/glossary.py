@@ -34,8 +34,8 @@ WORDS = {
     "dependent": "Determined by the loops (a coordinate, a speed); all others are independent.",
     "record": "Memory of a link, an ear or a region for one call.",
     "slot": "Memory per direction for values that only neighbours need during one sweep; it is reused.",
-    "lanes": "SIMD lanes, which hold one, two or eight directions, or several states. Also memory per direction that is kept "
-    "between sweeps.",
+    "lanes": "SIMD lanes, which hold one, two or eight directions (in motions also four), or several states. Also memory per "
+    "direction that is kept between sweeps.",
     "store": "Memory that a block accesses, named by its owner and its sort (`ME`, `UP`, `REGION`, ...).",
     "field": "An entry of a store: a scalar, a vector, a matrix or six components.",
     "seed": "A direction of differentiation: dq, du, dp, dinputs, dt.",

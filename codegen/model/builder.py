@@ -734,7 +734,7 @@ class ModelBuilder:
         elif not isinstance(name, str):
             problem = f"{name!r} is not a valid name; a str is needed"
         elif name.startswith("repeat ") or "(" in name:
-            problem = f"{name!r} is not a valid name; in Python, repeat with a loop"
+            problem = f"{name!r} is not a valid name; a name in Python has no repeat index, so use a for loop that adds each item"
         elif name in mapping:
             problem = f"name {name!r} is given twice; each name may be given once"
         if problem is None:

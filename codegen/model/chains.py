@@ -151,8 +151,8 @@ class Chain:
         return Chain(self.motion[1:], self.steps[1:])
 
     def unit_screws(self, steps: Iterable[int]) -> tuple[Array, Array]:
-        """Unit screws w and v ``(m, f, 3)`` of some steps, without later motions; components along the axes of the
-        frame behind each step."""
+        """Unit screws w and v ``(m, f, 3)`` of some steps, as if the steps after them did not move; components along the axes
+        of the frame that follows each step."""
         m, f = len(self.steps[0].place), max(step.speeds.stop for step in self.steps)
         w, v = np.zeros((m, f, 3)), np.zeros((m, f, 3))
         for step in (self.steps[i] for i in steps):

@@ -182,7 +182,7 @@ class Entry(BaseModel):
     placeholders : dict of str to Any
         Replacements of required values that are missing or wrong.
     misspelt : dict of str to str
-        Correct keys, by keys that are mistaken for them.
+        From wrong keys to the correct ones.
     """
 
     placeholders: ClassVar[dict[str, Any]] = {}

@@ -344,7 +344,8 @@ CENTERS: Final = ("ground", "center_of_mass")
 
 
 class Momentum(Measure):
-    """Momentum of all bodies along an axis of the ground, kg m/s; or kg m^2/s about the ground's origin or the centre of mass."""
+    """Linear momentum of all bodies along an axis of the ground, kg m/s; or angular momentum about the ground's origin or the
+    centre of mass, kg m^2/s."""
 
     name = "momentum"
     keys: ClassVar[dict[str, Any]] = {"momentum": word(*KINDS), "axis": OptionalAxis, "about": word(*CENTERS)}

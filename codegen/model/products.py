@@ -92,7 +92,7 @@ class Product:
     choices : list of Tree
         Factors with branches.
     merges : bool
-        Whether powers have been combined of which one may be infinite.
+        Whether combined powers include one that may be infinite.
     """
 
     __slots__ = ("choices", "merges", "number", "powers")

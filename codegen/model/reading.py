@@ -92,7 +92,8 @@ class Reader(Problems):
         self._key_places: dict[tuple[int, str], tuple[str, int | None, int | None]] = {}
         self._specs: dict[tuple[int, int], Any] = {}
         self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
-        """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
+        """Expressions, with their names bound, of validated entries that are equal for all values of a repeat index; see
+        `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps these specs alive: ids of deleted objects would be reused
         self._checked: set[tuple[Expression, str]] = set()

@@ -262,7 +262,7 @@ def test_the_builder_refuses_a_repeat_key():
     b = ModelBuilder("m")
     b.body("repeat k in 1..3", axis="x")
     b.body("a(k)", axis="x")
-    with pytest.raises(ModelError, match="repeat with a loop"):
+    with pytest.raises(ModelError, match="use a for loop that adds each item"):
         b.build()
 
 

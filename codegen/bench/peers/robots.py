@@ -1,4 +1,5 @@
-"""Matrices and batches of robots, computed alternately by ordernm and by Pinocchio, both called from Python."""
+"""Mass matrices, other matrices and batches of states of robots, computed alternately by ordernm and by Pinocchio, both
+called from Python."""
 
 from __future__ import annotations
 

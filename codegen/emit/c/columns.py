@@ -84,7 +84,7 @@ class ColumnsInC:
         ]
 
     def members(self) -> list[tuple[str, str]]:
-        """Types and names of the other members of calls over columns."""
+        """Types and names of the other members of the C struct of a call over columns."""
         return (
             [*(("const groups *", f"{name}_groups") for name in MASKS), ("groups ", "all_groups")] if self.steps else []
         )

@@ -3,7 +3,7 @@
 The C is one file; without macros it compiles all functions. The macro ``ORDERNM_LIBRARY`` selects the functions of one library,
 and ``ORDERNM_UNIT`` a part of them; such units are compiled in parallel and linked. Sweeps are static, so each library contains
 the sweeps that it needs, and compilers drop the others. Long sweeps are divided into parts. Each part is compiled in one unit and
-called from the other, because compiling it twice would take most of the time.
+called from the other units, because compiling it again in each unit would take most of the compile time.
 """
 
 from __future__ import annotations

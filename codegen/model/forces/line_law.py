@@ -73,9 +73,9 @@ class LineLaw:
         power is force times rate.
     energy : str
         Potential energy, J, as an expression of the distance and the coefficients. At rate 0 the force is minus the
-        derivative of the energy by the distance. Empty: the law has no energy.
+        derivative of the energy with respect to the distance. Empty: the law has no energy.
     misspelt : dict of str to str
-        Correct keys by keys that are mistaken for them.
+        From wrong keys to the correct ones.
     other_words : tuple of str
         Other names of the type.
     formula, potential : Expression

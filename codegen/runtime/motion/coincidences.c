@@ -96,7 +96,7 @@ int ordernm_compare_with_front(ordernm_motion *m, int e, scalar *row)
     return compare_at(m, e, row, row[0], m->next);
 }
 
-/* For events stored before switches that have just been passed. Returns the status of a function. */
+/* Compares the switches that have just been passed with the events that were stored just before them. Returns the status of a function. */
 int ordernm_compare_events(ordernm_motion *m)
 {
     ordernm_results *const r = m->results;
@@ -152,7 +152,8 @@ static int depends_on_knot(ordernm_motion *m, int k, long before)
     return apart > SAME_JUMP*size;
 }
 
-/* Adds switches to m->bent if derivatives depend on their order with a knot of the inputs. `before` is the spline's piece before the knot. */
+/* Adds a switch to m->bent if derivatives depend on whether it comes before or after a knot of the inputs. `before` is the spline's piece
+ * before the knot. */
 void ordernm_look_beside_knot(ordernm_motion *m, long before)
 {
     if (!(m->ngroups || m->results->steps) || ordernm_find_switch_errors(m, m->t, m->z)) return;

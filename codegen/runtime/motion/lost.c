@@ -319,7 +319,8 @@ static int shifts_alike(const ordernm_motion *m, int i)
     return size < INFINITY && last - first <= AGREE*size;
 }
 
-/* Whether rates are the same at the start and just before it; finds the shifts of all zeros at the start, in the modes of both sides. */
+/* Whether rates are the same at the start and just before it. Finds the shifts in time, along each direction, of all zeros at the start,
+ * in the modes of both sides. */
 static int begins_smoothly(ordernm_motion *m)
 {
     scalar *const before = m->error[0], *const after = m->error[1];

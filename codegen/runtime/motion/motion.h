@@ -174,8 +174,8 @@ enum {
 typedef struct {
     ordernm_scalar *rows;
     long capacity, count;
-    /* Rows of ordernm_step_size for ordernm_backwards; not stored if steps is 0. `known`, for ordernm_replay, are data of the method before
-     * the first step, ordernm_known_size doubles; not stored if known is 0. */
+    /* `steps` has a row of ordernm_step_size doubles for each step, for ordernm_backwards; not stored if steps is 0. `known` has data of
+     * the method before the first step, ordernm_known_size doubles, for ordernm_replay; not stored if known is 0. */
     ordernm_scalar *steps, *known;
     long steps_capacity, steps_count;
     /* Events that occurred, and their numbers, as rows of ordernm_event_size. Each contains a row as above, time derivatives of

@@ -30,9 +30,9 @@ static void count(ordernm_motion *m, int k)
 }
 
 /* Changes the mode of a switch whose function is zero at a state z. `before` are the rates before the switch; `after`, and derivatives
- * along directions in z, receive the values after the switch. `left` is the number of switches in m->crossed that are passed later; if it
- * is 0, all other switches take the modes of their functions. Without `left`, other switches keep their modes. Returns the status of a
- * function. */
+ * along directions in z, receive the values after the switch. *left is the number of switches in m->crossed that are passed later; if *left
+ * is 0, all other switches take the modes of their functions. If `left` is a null pointer, other switches keep their modes. Returns the
+ * status of a function. */
 static int pass(ordernm_motion *m, scalar *z, int k, const scalar *before, scalar *after, int *left, scalar *speed)
 {
     const long n = m->ny + m->nx;

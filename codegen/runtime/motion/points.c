@@ -12,8 +12,8 @@ enum { PARTS = 4, GOLDEN = 48 };
 static const scalar LEAST_PART = 1e-14, COARSE_PART = 1e-4; /* lengths of the interval at which a search, and a first look at the cubic, end */
 static const scalar PART = 1.0/(int)PARTS, AT_END = 1e-9, NEAR = 0.2, NEAR_COARSE = 0.3, NEARER = 1e-3, AT_POINT = 1e-9;
 
-/* Distance from a step, in step lengths, within which zeros matter. A function outside of the step counts as zero below this fraction of
- * its value at the step's end. */
+/* Distance from a step, in step lengths, within which zeros matter. Outside of the step, a function counts as zero where it is below
+ * AT_POINT_BESIDE times its value at the step's end. */
 static const scalar BESIDE_STEP = 5.0, AT_POINT_BESIDE = 1e-12;
 
 /* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. Rates have no limit at the

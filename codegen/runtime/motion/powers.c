@@ -17,8 +17,8 @@ static const scalar LARGER = 300.0;
  * zero: rounding may put the last stage beyond the zero, where derivatives of max(0, x)^1.1 are no longer small. */
 static const scalar LEAST = 1e-9;
 
-/* A step that starts within this part of LEAST after the zero of a root, because another switch has cut the step before, counts as a step
- * that starts at the zero. */
+/* The step before may end after the zero of a root, because another switch has shortened it. If it ends after the zero by less than this
+ * fraction of LEAST, the next step counts as a step that starts at the zero. */
 static const scalar STILL_THERE = 0.25;
 
 /* A step that ends at the zero with too large an error is repeated with TOWARDS times its size. A constant step has no error estimate: it

@@ -15,7 +15,7 @@ enum { SWEEPS = 15, MOST_FORMED_FOR_FLOW = 2*LANES };
 /* Change by a sweep, relative to the sensitivities, at which sweeps have converged; and the change that rounding may cause. */
 static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 
-/* Smallest convergence rate of sweeps that is assumed from previous ones: small entries may converge more slowly. */
+/* Lower bound of the convergence factor that is estimated from earlier sweeps, since small entries may converge more slowly. */
 static const scalar LEAST_SLOWNESS = 1e-2;
 
 /* The largest change of a group's directions relative to their size, for coordinates and for speeds. With `loose`, entries that are

@@ -171,9 +171,9 @@ class Package:
     def batch_threads(self) -> int | None:
         """Number of threads that share the states of a batch in C, or None to choose by the batch.
 
-        With None, the default, a batch has a thread for each 0.1 ms that one thread would take, at most one for each
-        processor, and one thread below 0.2 ms. In either case each thread has at least 64 states. Results are the same to
-        the bit.
+        With None, the default, a batch has one thread for each 0.1 ms of the time that a single thread would take, and at
+        most one for each processor. A batch of less than 0.2 ms has one thread. In any case each thread has at least 64
+        states. Results do not depend on the number of threads, to the last bit.
         """
         return self._threads
 

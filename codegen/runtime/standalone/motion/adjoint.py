@@ -94,7 +94,8 @@ def segment_backwards(
 
 
 def made_again(library: Any, ffi: Any, c: Any, first: Array, known: Array, heads: Array) -> Array:
-    """Repeats steps from the first row, the integrator's memory before that row (`known`), and the heads of all rows."""
+    """The rows of steps, computed again. Given are the first row, the integrator's memory before it (`known`), and the first
+    entries of all rows (`heads`)."""
     rows = np.empty((len(heads), first.shape[1]))
     rows[:, : heads.shape[1]] = heads
     rows[0] = first[0]
