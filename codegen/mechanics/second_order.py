@@ -59,7 +59,10 @@ from .stores import (
     DQDOT,
     DUDOT_BAR,
     ELEMENT_CONSTANTS,
+    LINK,
+    LME,
     LOOP_CONSTANTS,
+    LUP,
     MASS_LANE,
     ME,
     PARAMETER,
@@ -67,6 +70,7 @@ from .stores import (
     TANGENT,
     TRIG,
     TURNS,
+    UP,
 )
 from .structure.element_kinds import ElementKind
 from .structure.kinds import EarKind, LinkKind, UnitKind
@@ -209,9 +213,38 @@ class SecondOrder:
         self._drop_zeros(found)
         if self.one_of_trees:
             self._assign_first(found)
+            for memory in (ADJOINT_LANE, MASS_LANE):
+                self._exchange(memory, found)
         if self.one_of_loops:
             self._assign_first_in_loops(found)
         return found | {name: self._together(name, found) for name in TOGETHER if name in self.wanted}
+
+    def _exchange(self, memory: Memory, found: dict[str, dict[int, Block]]) -> None:
+        """Keep what neighbouring links exchange within one sweep in scratch memory, which stays in the cache."""
+        scratch = {in_memory(memory, ME): LME, in_memory(memory, UP): LUP}
+        runs: dict[str, set[str]] = {}
+        kept = {n for _, _, n in read_outside(self.system)}
+        assigned: set[str] = set()
+        blocks = [(name, block) for name in found if name in self.parts for block in found[name].values()]
+        for name, block in blocks:
+            accesses = [(a, n, False) for a, n in block.loads.values()] + [(a, n, True) for a, n, _ in block.stores]
+            for a, n, is_store in accesses:
+                if a.memory is memory:
+                    runs.setdefault(n, set()).add(name)
+                    if a.plain not in scratch or is_store is (a.owner is LINK):
+                        kept.add(n)
+                    if is_store and not a.adds:
+                        assigned.add(n)
+        moved = {n for n in assigned - kept if len(runs[n]) == 1}
+
+        def place(a: Store, n: str) -> Store:
+            if a.memory is not memory or n not in moved:
+                return a
+            return scratch[a.plain].sum if a.adds else scratch[a.plain]
+
+        for _, block in blocks:
+            block.loads = {s: (place(a, n), n) for s, (a, n) in block.loads.items()}
+            block.stores = [(place(a, n), n, e) for a, n, e in block.stores]
 
     def _together(self, name: str, found: Mapping[str, Mapping[int, Block]]) -> dict[int, Block]:
         """The blocks of several sweeps, joined to one block for each kind."""

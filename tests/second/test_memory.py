@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from random_models import random_seeds
-from second_derivatives import observed_mechanism, observed_tree
+from second_derivatives import EXAMPLES, observed_mechanism, observed_tree
 
 import codegen
 from codegen.runtime.standalone.calls.arguments import Seeds
@@ -73,3 +74,18 @@ def test_trees(seed: int, functions: tuple[str, ...], tmp_path: Path, monkeypatc
 def test_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model, state = observed_mechanism(25, scene="spatial", bodies=(2, 4), loops=(1, 2))
     check(model, state, (*PRODUCTS[:3], *OF_KINEMATICS), tmp_path, monkeypatch)
+
+
+def test_neighbours_exchange_in_scratch_memory(tmp_path: Path) -> None:
+    """Along a chain only the adjoints of forces outlive their sweep: they need memory for every link."""
+    codegen.generate(
+        EXAMPLES / "chain.yaml", tmp_path, functions="accelerations,hessian_products", check=False, compile=False
+    )
+    (text,) = (path.read_text() for path in tmp_path.glob("*_directions.h"))
+    for name in ("link_adjoint_tangents", "link_mass_tangents"):
+        start = text.rindex("typedef struct {", 0, text.index(f" DIRECTIONS({name});"))
+        members = set(re.findall(r"\w+_[xyz]\b", text[start : text.index(f" DIRECTIONS({name});")]))
+        assert members <= {f"transmitted_{n}_{axis}" for n in ("moment", "force") for axis in "xyz"} | {
+            f"total_{n}_{axis}" for n in ("moment", "force") for axis in "xyz"
+        }, name
+        assert len(members) == 6
