@@ -26,8 +26,8 @@ ALONG = (
 )  # fmt: skip
 """Functions over directions that integration calls."""
 
-CURVED = "gradient_tangents"
-"""The function over directions that Hessian products of motions call."""
+CURVED = ("gradient_tangents", "coordinate_rate_hessian_products")
+"""Functions over directions that Hessian products of motions call."""
 
 WIDTHS = (1, 8)
 """Numbers of directions that the integrators compute together."""
@@ -87,9 +87,10 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
     for f in [f for f in VALUES if f in functions]:
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
-    for f in [f for f in (*ALONG, CURVED) if f in functions]:
+    curved = CURVED[:1] if model.coordinate_names == model.speed_names else CURVED
+    for f in [f for f in (*ALONG, *curved) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
-        of = second if f.endswith("_transposed") or f == CURVED else first
+        of = second if f.endswith("_transposed") or f in CURVED else first
         parts[of] += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for w in WIDTHS]
         if of == second:
             backwards[f] = symbols

@@ -29,6 +29,7 @@ struct ordernm_curvature {
     scalar *no_dt;                    /* zeros for time */
     scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
     scalar *b, *db;                   /* weights of udot, and their tangents; zero for dependent speeds */
+    scalar *rate_weights, *dqdot;     /* the same for the rates of coordinates that are not speeds */
 };
 
 static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
@@ -55,6 +56,8 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     c->p = ordernm_numbers(&of, s->np*(problem->ndirections + LANES));
     c->b = ordernm_numbers(&of, s->nu);
     c->db = ordernm_numbers(&of, s->nu*LANES);
+    c->rate_weights = ordernm_numbers(&of, s->nq);
+    c->dqdot = ordernm_numbers(&of, s->nq*LANES);
     return of.used;
 }
 
@@ -250,9 +253,27 @@ static void add(ordernm_curvature *c, scalar t, const gradient *of, scalar *nu, 
 /* Adds the adjoints of coordinates to the adjoints of the speeds that are rates of these coordinates. */
 static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *nu, const group *g)
 {
+    if (!c->motion->system->plain_rates) return;
     const int n = c->motion->system->nfree_q*(g ? g->width : 1);
     const long at = g ? g->at : 0;
     for (int i = 0; i < n; ++i) nu[at + n + i] += kappa[at + i];
+}
+
+/* Clears results of a function that leaves some of them untouched. */
+static void clear(ordernm_curvature *c, const gradient *of, int width)
+{
+    const ordernm_system *const s = c->motion->system;
+    memset(of->q, 0, s->nq*width*sizeof(scalar));
+    memset(of->u, 0, s->nu*width*sizeof(scalar));
+    memset(of->p, 0, s->np*width*sizeof(scalar));
+    memset(of->inputs, 0, s->ninputs*width*sizeof(scalar));
+}
+
+/* Arguments at the state of a record. */
+static void at_record(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, ordernm_call *call)
+{
+    ordernm_arguments(c->motion, t, z, call);
+    if (!c->motion->identity) call->q = record + size_of_rows(c);
 }
 
 /* Adds to nu, for values and along all directions, the derivatives of kappa^T f at the state of a record: f_z^T kappa and its changes. */
@@ -264,10 +285,10 @@ static int gradients(ordernm_curvature *c, scalar t, const scalar *z, const scal
     const scalar *dudot = record + rates_at(c);
     for (const group *g = m->groups; g < m->groups + m->ngroups; dudot += s->nu*g++->width) {
         ordernm_call call;
-        ordernm_arguments(m, t, z, &call);
-        if (!m->identity) call.q = record + size_of_rows(c);
+        at_record(c, t, z, record, &call);
         ordernm_seeds(m, t, z, g, &call);
         call.dt = c->no_dt;
+        if (s->nfree_u < s->nu) memset(c->db, 0, s->nu*g->width*sizeof(scalar));
         for (int i = 0; i < s->nfree_u; ++i) {
             c->b[s->free_u[i]] = kappa[s->nfree_q + i];
             memcpy(c->db + s->free_u[i]*g->width, kappa + g->at + (s->nfree_q + i)*g->width, g->width*sizeof(scalar));
@@ -284,6 +305,46 @@ static int gradients(ordernm_curvature *c, scalar t, const scalar *z, const scal
     add(c, t, v, nu, 0);
     add_rates(c, kappa, nu, 0);
     return 0;
+}
+
+/* The same for the rates of coordinates, if these are not the speeds: the transpose, for values or for the directions of a group. */
+static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, const scalar *kappa, scalar *nu, const group *g)
+{
+    const ordernm_system *const s = c->motion->system;
+    const int width = g ? g->width : 1;
+    const gradient *const to = g ? &c->along : &c->values;
+    clear(c, to, width);
+    memset(c->dqdot, 0, s->nq*width*sizeof(scalar));
+    for (int i = 0; i < s->nfree_q; ++i)
+        memcpy(c->dqdot + s->free_q[i]*width, kappa + (g ? g->at : 0) + i*width, width*sizeof(scalar));
+    call.qdot = c->motion->qdot, call.dqdot = c->dqdot;
+    call.dq = to->q, call.du = to->u, call.dp = to->p, call.dinputs = to->inputs, call.dt = to->t;
+    const int status = s->coordinate_rate_sensitivities_transposed[g ? g->index : ORDERNM_ONE](&call);
+    if (!status) add(c, t, to, nu, g);
+    return status;
+}
+
+/* The same for the rates of coordinates: the transpose and its changes. */
+static int rate_gradients(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const gradient *const d = &c->along;
+    ordernm_call call;
+    at_record(c, t, z, record, &call);
+    int status = rates_transposed(c, call, t, kappa, nu, 0);
+    for (const group *g = m->groups; !status && g < m->groups + m->ngroups; ++g) {
+        if ((status = rates_transposed(c, call, t, kappa, nu, g))) break;
+        clear(c, d, g->width);
+        ordernm_seeds(m, t, z, g, &call);
+        call.dt = c->no_dt;
+        for (int i = 0; i < s->nfree_q; ++i) c->rate_weights[s->free_q[i]] = kappa[i];
+        call.rate_weights = c->rate_weights;
+        call.dgq = d->q, call.dgu = d->u, call.dgp = d->p, call.dginputs = d->inputs, call.dgt = d->t;
+        status = s->coordinate_rate_hessian_products[g->index](&call);
+        if (!status) add(c, t, d, nu, g);
+    }
+    return status;
 }
 
 static int any(const scalar *x, long n)
@@ -354,6 +415,7 @@ static int step_back(ordernm_curvature *c, scalar h, const scalar *stages, const
         pack(c, stages + i*record, m->trial);
         memset(c->nu, 0, m->size*sizeof(scalar));
         if (weighted && (status = gradients(c, t, m->trial, stages + i*record, kappa, c->nu))) return status;
+        if (weighted && !s->plain_rates && (status = rate_gradients(c, t, m->trial, stages + i*record, kappa, c->nu))) return status;
         if (integrand) add_source(c, t, weight[i], integrands + i*source, c->nu);
         accumulate(c->lambda, 1.0, c->nu, m->size);
         for (int j = 0; j < r->count; ++j) accumulate(c->kappa[r->which[j]], h*r->factor[j], c->nu, m->size);

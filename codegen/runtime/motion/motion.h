@@ -33,6 +33,7 @@ typedef struct {
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
     const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents */
+    const ordernm_scalar *rate_weights; /* weights of qdot in Hessian products */
     const ordernm_scalar *found_dudot; /* tangents of udot, which the forward run has found; then come the results */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
@@ -94,6 +95,7 @@ typedef struct {
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
+    ordernm_function *coordinate_rate_hessian_products[ORDERNM_WIDTHS]; /* only if rates of coordinates are not speeds */
     ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* weights with tangents, and the gradient among the results */
 } ordernm_system;
 

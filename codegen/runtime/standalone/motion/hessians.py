@@ -62,8 +62,11 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         The package lacks a function.
     """
     what = ""
-    if package.coordinate_names != package.speed_names:
-        what = f"{package.name} has quaternions, but hessian needs speeds that are the rates of coordinates"
+    turns = package.coordinate_names != package.speed_names
+    if turns and package.closure_names:
+        what = (
+            f"{package.name} has quaternions and closed loops, but hessian with quaternions needs a model without loops"
+        )
     elif "switches" in package._functions:
         what = f"{package.name} has forces or outputs with branches (abs, min, a comparison, ...), but hessian needs smooth ones"
     elif method == "radau":
@@ -72,10 +75,12 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         what = f"a functional is {refused[0]}; allowed are Final, At, Integral and LeastSquares"
     if what:
         raise ValueError(f"hessian: {what}. Gradients are available without hessian")
-    for name in ("hessian_products", "sensitivities_transposed", "output_sensitivities_transposed"):
+    rates = ["coordinate_rate_hessian_products"] if turns else []
+    for name in ("hessian_products", "sensitivities_transposed", "output_sensitivities_transposed", *rates):
         if name not in package._functions:
+            functions = ", ".join([FUNCTIONS, *rates])
             raise PackageError(
-                f"hessian: {package.name} was generated without {name}; generate it with --functions '{FUNCTIONS}'"
+                f"hessian: {package.name} was generated without {name}; generate it with --functions '{functions}'"
             )
 
 
