@@ -173,15 +173,14 @@ class WithLoops:
         ]
 
     def _rest_of_gradient(self) -> list[Step]:
-        """Adds the contributions of all other formulas and of gravity, if the function has the gradient as a result."""
+        """Adds the contributions of all other formulas and of gravity, if the function has the gradient as a result.
+
+        Entries of dependent coordinates are not set to zero: tangents of `coordinate_forces` read them.
+        """
         if not self.ends:
             return []
         rest = [f for f in self.formulas if f not in self.w.forces]
-        return [
-            *transposed(self.w, rest, self.bars, tuple(self.gradient.values())),
-            *ground_gradient(self.w),
-            *(ZeroEntries(a, e) for a, e in zip((self.gq, self.gu), self._dependent(), strict=True) if e),
-        ]
+        return [*transposed(self.w, rest, self.bars, tuple(self.gradient.values())), *ground_gradient(self.w)]
 
     # -- along directions ------------------------------------------------------------------------------------------
 

@@ -62,12 +62,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         The package lacks a function.
     """
     what = ""
-    turns = package.coordinate_names != package.speed_names
-    if turns and package.closure_names:
-        what = (
-            f"{package.name} has quaternions and closed loops, but hessian with quaternions needs a model without loops"
-        )
-    elif "switches" in package._functions:
+    if "switches" in package._functions:
         what = f"{package.name} has forces or outputs with branches (abs, min, a comparison, ...), but hessian needs smooth ones"
     elif method == "radau":
         what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
@@ -75,7 +70,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         what = f"a functional is {refused[0]}; allowed are Final, At, Integral and LeastSquares"
     if what:
         raise ValueError(f"hessian: {what}. Gradients are available without hessian")
-    rates = ["coordinate_rate_hessian_products"] if turns else []
+    rates = ["coordinate_rate_hessian_products"] if package.coordinate_names != package.speed_names else []
     for name in ("hessian_products", "sensitivities_transposed", "output_sensitivities_transposed", *rates):
         if name not in package._functions:
             functions = ", ".join([FUNCTIONS, *rates])
