@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motion.models import driven
 
 import codegen
 from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares
@@ -200,6 +201,19 @@ def test_other_refusals(solver: codegen.Solver) -> None:
         solver.judge(1.0, Final("tip_x"), hessian=True)
     with pytest.raises(ValueError, match="a functional is AtEvent; allowed are Final, At, Integral and LeastSquares"):
         solver.judge(1.0, AtEvent("t", Event("angle")), wrt="pole_length", hessian=True)
+
+
+@pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")
+def test_motions_that_pass_a_switch_are_refused(tmp_path: Path) -> None:
+    """Before the switch, Hessians are those of the branch."""
+    model = driven("1.0", "-9.81*a + 100*max(0, -q.stone)", "q: {stone: 1.0}")[0]
+    codegen.generate(model, tmp_path / "package", functions=FUNCTIONS)
+    solver = codegen.load(tmp_path / "package")
+    found = solver.judge(0.4, Final("z"), wrt=("a", "u0.stone"), hessian=True, **FIXED)
+    np.testing.assert_allclose(found.gradients, [[-9.81 * 0.08, 0.4]], rtol=1e-12)
+    assert np.abs(found.hessian_products).max() < 1e-12
+    with pytest.raises(ValueError, match="hessian: a force or an output changes its branch during the motion"):
+        solver.judge(0.6, Final("z"), wrt=("a", "u0.stone"), hessian=True, **FIXED)
 
 
 def test_a_package_without_the_function_says_which(tmp_path: Path) -> None:

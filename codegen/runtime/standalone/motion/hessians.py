@@ -17,6 +17,9 @@ from .at_states import AtStates
 from .functionals import AtEvent, Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
 
+HEAD = 6
+"""Numbers before the modes of switches, and the rates of crossed switches, in a row of a step (``ORDERNM_STEP_HEAD``)."""
+
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
 
@@ -62,9 +65,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
         The package lacks a function.
     """
     what = ""
-    if "switches" in package._functions:
-        what = f"{package.name} has forces or outputs with branches (abs, min, a comparison, ...), but hessian needs smooth ones"
-    elif method == "radau":
+    if method == "radau":
         what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
     elif refused := [type(f).__name__ for f in wanted if isinstance(f, (AtEvent, WeightedResults))]:
         what = f"a functional is {refused[0]}; allowed are Final, At, Integral and LeastSquares"
@@ -137,7 +138,7 @@ class _Tangents:
         self.records = np.zeros((len(times), self.record))
         self.kept = [self._pointer(times), self._pointer(self.records)]
         g.ntimes, (g.times, g.states) = len(times), self.kept
-        self.plain = plain
+        self.plain, self.nswitches = plain, int(system.nswitches)
         self.segment = segment
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
 
@@ -149,6 +150,11 @@ class _Tangents:
             for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
         ]
         steps = np.concatenate(self.parts)
+        if steps[:, HEAD + self.nswitches : HEAD + 2 * self.nswitches].any():
+            raise ValueError(
+                "hessian: a force or an output changes its branch during the motion (abs, min, a comparison, ...), but hessian "
+                "needs a motion without such changes. Gradients are available without hessian"
+            )
         steps = steps[steps[:, 1] > 0.0]
         self.within = _middles(steps)[np.maximum(np.searchsorted(steps[:, 0], times) - 1, 0)]
         ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
