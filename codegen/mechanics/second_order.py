@@ -27,6 +27,7 @@ from ..program.store import Memory, Store
 from ..program.transpose import always
 from ..records import dataclass
 from . import fields
+from .adjoint_memory import exchange_in_scratch, merge_equal
 from .first_contributions import assign_first
 from .patterns import GROUND_KIND, Patterns, Place
 from .second_order_poses import attitudes, rotation
@@ -59,7 +60,6 @@ from .stores import (
     DQDOT,
     DUDOT_BAR,
     ELEMENT_CONSTANTS,
-    LINK,
     LME,
     LOOP_CONSTANTS,
     LUP,
@@ -211,40 +211,23 @@ class SecondOrder:
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
                 found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: base_of(a) not in self.dropped)
         self._drop_zeros(found)
+        runs = [
+            (found[sweep.name][kind.index], partial(self._places, kind, sweep))
+            for sweep in (SWEEP[name] for name in found if name in self.parts)
+            for kind in sweep.kinds(self.system)
+            if kind.index in found[sweep.name]
+        ]
+        for memory in (ADJOINT, ADJOINT_LANE, MASS_LANE):
+            merge_equal(memory, runs)
         if self.one_of_trees:
             self._assign_first(found)
+            outside = {n for _, _, n in read_outside(self.system)}
             for memory in (ADJOINT_LANE, MASS_LANE):
-                self._exchange(memory, found)
+                blocks = [(name, b) for name in found if name in self.parts for b in found[name].values()]
+                exchange_in_scratch({in_memory(memory, ME): LME, in_memory(memory, UP): LUP}, blocks, outside)
         if self.one_of_loops:
             self._assign_first_in_loops(found)
         return found | {name: self._together(name, found) for name in TOGETHER if name in self.wanted}
-
-    def _exchange(self, memory: Memory, found: dict[str, dict[int, Block]]) -> None:
-        """Keep what neighbouring links exchange within one sweep in scratch memory, which stays in the cache."""
-        scratch = {in_memory(memory, ME): LME, in_memory(memory, UP): LUP}
-        runs: dict[str, set[str]] = {}
-        kept = {n for _, _, n in read_outside(self.system)}
-        assigned: set[str] = set()
-        blocks = [(name, block) for name in found if name in self.parts for block in found[name].values()]
-        for name, block in blocks:
-            accesses = [(a, n, False) for a, n in block.loads.values()] + [(a, n, True) for a, n, _ in block.stores]
-            for a, n, is_store in accesses:
-                if a.memory is memory:
-                    runs.setdefault(n, set()).add(name)
-                    if a.plain not in scratch or is_store is (a.owner is LINK):
-                        kept.add(n)
-                    if is_store and not a.adds:
-                        assigned.add(n)
-        moved = {n for n in assigned - kept if len(runs[n]) == 1}
-
-        def place(a: Store, n: str) -> Store:
-            if a.memory is not memory or n not in moved:
-                return a
-            return scratch[a.plain].sum if a.adds else scratch[a.plain]
-
-        for _, block in blocks:
-            block.loads = {s: (place(a, n), n) for s, (a, n) in block.loads.items()}
-            block.stores = [(place(a, n), n, e) for a, n, e in block.stores]
 
     def _together(self, name: str, found: Mapping[str, Mapping[int, Block]]) -> dict[int, Block]:
         """The blocks of several sweeps, joined to one block for each kind."""
