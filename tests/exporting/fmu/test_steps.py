@@ -152,3 +152,26 @@ def test_null_pointers_are_errors(made, version):
         call("GetAdjointDerivative", references, 2, references, 2, values, 2, None, 2)
         assert {text for _, text in unit.messages} >= {"an array of 2 entries is a null pointer"}
     of.freeInstance()
+
+
+def test_a_dead_point_ends_the_motion_with_a_message(tmp_path):
+    """The FMU has one choice of independent coordinates: no call returns a state behind the dead point, at 0.15 s."""
+    text = model_file("slider_crank").read_text().replace("independent: [wheel]", "independent: [piston]")
+    (tmp_path / "stuck.yaml").write_text(text.replace("u: {wheel: 20.0}", "u: {piston: -2.0}"))
+    unit = Unit("stuck", tmp_path, "3.0")
+    of = unit.started(True, load=0.5)
+    of.doStep(0.0, 0.14)
+    t, stroke = unit.get(of, ["time", "q.piston"])
+    assert t == 0.14
+    with pytest.raises(FMICallException):
+        of.doStep(0.14, 0.02)
+    assert "at t = 0.153" in unit.messages[-1][1]
+    assert "at a dead point; choose other independent coordinates" in unit.messages[-1][1]
+    of = unit.started(load=0.5)  # Model Exchange: a piston farther out than the dead point is refused, not reflected
+    of.enterContinuousTimeMode()
+    of.setContinuousStates((c_double * 2)(stroke, -2.0), 2)
+    unit.get(of, ["q.wheel"])
+    with pytest.raises(FMICallException):
+        of.setContinuousStates((c_double * 2)(stroke - 0.1, -2.0), 2)
+        unit.get(of, ["q.wheel"])
+    assert "the loops cannot be closed" in unit.messages[-1][1]
