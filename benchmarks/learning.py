@@ -61,7 +61,7 @@ def overhead(name: str, states: int, rounds: int) -> None:
     backward = jax.jit(jax.grad(lambda *x: in_jax(*x).sum(), argnums=(0, 1, 2)))
     given = tuple(map(jnp.asarray, (q, u, p)))
     in_torch = ordernm.torch.function(solver, "accelerations")
-    plain = tuple(map(torch.tensor, (q, u, p)))
+    plain = tuple(map(torch.from_numpy, (q, u, p)))  # the same memory, in caches for both or for none
     taped = tuple(x.clone().requires_grad_() for x in plain)
     found = in_torch(*taped)
     weights = torch.ones_like(found)

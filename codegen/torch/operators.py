@@ -162,8 +162,7 @@ GRADIENT = "(Tensor, Tensor, Tensor, Tensor, Tensor, Tensor)"
 
 def _value(*given: Any) -> Tensor:
     of = operator_of(given[-1])
-    found = of.runs._call(of.name, _given(of, given[:6]))[0]
-    return torch.from_numpy(np.ascontiguousarray(found))
+    return computed(of, _given(of, given[:6]))
 
 
 def _directional(*given: Any) -> Tensor:
@@ -368,6 +367,25 @@ def plain(given: Sequence[Any]) -> bool:
     return not of_program and all(x is None or type(x) in PLAIN for x in given[:-1])
 
 
+def direct(of: Operator, arguments: Sequence[Any], kind: Any) -> tuple[Any, ...] | None:
+    """The arrays of tensors for the solver; None if the call needs a conversion, or something records or differentiates it."""
+    if torch.compiler.is_compiling() or torch._C._len_torch_dispatch_stack() or _transformed():
+        return None
+    by = {}
+    for n, a in zip(of.takes, arguments, strict=False):
+        if type(a) is not Tensor or a.dtype is not kind or not a.is_cpu or a.requires_grad or a.is_neg():
+            return None
+        if not a.ndim or not a.numel():
+            return None
+        by[n] = a.numpy()
+    return tuple([by.get(n, 0.0 if n == "t" else None) for n in of.six if n])
+
+
+def computed(of: Operator, arrays: tuple[Any, ...]) -> Tensor:
+    """The solver's result as a tensor."""
+    return torch.from_numpy(np.ascontiguousarray(of.runs._call(of.name, arrays)[0]))
+
+
 def called(*given: Any) -> Any:
     """The function as autograd sees it."""
     if torch.compiler.is_compiling():
@@ -387,9 +405,14 @@ def pulled(*given: Any) -> Any:
 
 def _differentiated(given: Sequence[Any]) -> bool:
     """Whether a transformation or autograd may see a call. If not, the call skips autograd and saves 0.05 ms."""
-    if torch._C._are_functorch_transforms_active() or torch.autograd.forward_ad._current_level >= 0:
+    if _transformed():
         return True
     return torch.is_grad_enabled() and any(x.requires_grad for x in given[:-1])
+
+
+def _transformed() -> bool:
+    """Whether a transformation of torch.func or forward mode is active."""
+    return torch._C._are_functorch_transforms_active() or torch.autograd.forward_ad._current_level >= 0
 
 
 def _bits(needed: Sequence[bool]) -> int:

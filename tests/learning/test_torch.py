@@ -200,6 +200,29 @@ def test_wrong_arguments_raise(pendulum: codegen.Solver, satellite: codegen.Solv
             call()
 
 
+@pytest.mark.parametrize("name", ["accelerations", "inverse_dynamics", "outputs"])
+def test_calls_without_autograd(satellite: codegen.Solver, name: str) -> None:
+    """They give the same bits as calls with autograd, and are checked as well, also after calls of known shapes."""
+    f = codegen.torch.function(satellite, name)
+    of = {"q": 0, "u": 1, "p": 2, "inputs": 3}
+    every = states(satellite, 3)
+    plain = [every[of.get(n, 1)].detach() for n in f.operator.takes if n != "t"]
+    with torch.no_grad():
+        for count in range(3, len(plain) + 1):
+            expected = f(*(x.clone().requires_grad_() for x in plain[:count]))
+            for _ in range(2):
+                assert (f(*plain[:count]) == expected).all()
+            np.testing.assert_array_equal(expected, getattr(satellite, name)(*numbers(*plain[:count])))
+        with pytest.raises(TypeError, match="arguments, not"):
+            f(*plain, torch.tensor(0.0).double(), plain[0])
+        with pytest.raises(ValueError, match=r"q has shape \(3, 2\)"):
+            f(plain[0][:, :2], *plain[1:])
+        with pytest.raises(TypeError, match="q has type float32"):
+            f(plain[0].float(), *plain[1:])
+        turned = torch.complex(plain[0], plain[0]).conj().imag  # PyTorch negates it where it is read
+        assert turned.is_neg() and (f(turned, *plain[1:]) == f(-plain[0], *plain[1:])).all()
+
+
 def test_arguments_that_are_no_tensors(pendulum: codegen.Solver) -> None:
     """Lists keep double precision, arrays may change after a call and have any strides, and lists of tensors keep gradients."""
     f = codegen.torch.function(pendulum, "accelerations")
