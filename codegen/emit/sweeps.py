@@ -45,7 +45,7 @@ class SweepWriter(Language):
         return self._shared[sweep]
 
     def _form(self, kind: Kind, sweep: str, block: Block) -> object:
-        """A block with the places of its components but without rows."""
+        """What the blocks that share a function have in common: statements, and addresses without the numbers of rows."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
             if store.memory is MARGIN:

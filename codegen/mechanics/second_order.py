@@ -249,8 +249,8 @@ class SecondOrder:
             self._assign_first_of(memory, [name_of(s.name) for s in reversed(self.sweeps)], found)
 
     def _assign_first_in_loops(self, found: dict[str, dict[int, Block]]) -> None:
-        """Assign the first contributions to the tangents of adjoints of models with loops, in the order of
-        `WithLoops`."""
+        """Let the first contributions to the tangents of adjoints assign, in models with loops; see `WithLoops` for the
+        order."""
         order = backward_in_loops(s.name for s in self.sweeps)
         poses = [s for s in order if s in ("pose", "rotations")]
         names = [

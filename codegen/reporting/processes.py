@@ -1,7 +1,7 @@
 """Timing in several processes, one after another.
 
-The addresses of code, stack and arrays are random for each process, and affect all its calls; other processes disturb for
-seconds. Times are reproducible only as a spread over several processes.
+The addresses of code, stack and arrays are random for each process, and affect the times of all its calls. Other processes
+disturb the measurement for seconds at a time. Times are reproducible only as a spread over several processes.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def _of(of: Operator) -> Callable[..., Any]:
         given = bound(of, arguments, named)
         x = {n: tensor(of, n, a, defaults[n], kind) for n, a in given.items()}
         shapes = () if torch.compiler.is_compiling() else tuple([a.shape for a in x.values()])
-        if shapes not in seen:  # a check takes longer than this table
+        if shapes not in seen:  # a check takes longer than a look into this set
             checked_batch(of, {n: tuple(a.shape) for n, a in x.items()})
             if shapes and len(seen) < MOST_SHAPES:
                 seen.add(shapes)

@@ -65,8 +65,8 @@ static scalar singular_function(ordernm_motion *m, scalar h, int k, scalar part,
     return look(m, m->t + part*h, m->trial, m->switches) ? NAN : m->switches[k];
 }
 
-/* Position between two places at which a singular function is zero or nearest to zero; minima are searched until the interval is as
- * short as `shortest`. */
+/* The position, between two given ones, at which a singular function is zero or nearest to zero. A minimum is searched until the
+ * interval is as short as `shortest`. */
 static scalar nearest(ordernm_motion *m, scalar h, int k, scalar low, scalar high, int exactly, scalar shortest, scalar *least)
 {
     static const scalar G = 0.61803398874989485;

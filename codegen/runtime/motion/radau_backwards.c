@@ -9,8 +9,8 @@
  *
  * These are the transposed equations of the stages' derivatives. The equations are solved in rounds: approximate factors reduce
  * the residual; then exact transposes give the new residual, and contributions to the gradient. In small systems, the factors are
- * those of the Jacobians at all three stages, so one round almost suffices. In large systems, they are those of one Jacobian, at
- * the middle of this step or of a later one. */
+ * those of the Jacobians at all three stages, so the first round reduces the residual to rounding. In large systems, they are those
+ * of one Jacobian, at the middle of this step or of a later one. */
 #include "backwards.h"
 #include "radau.h"
 
