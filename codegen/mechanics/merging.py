@@ -64,7 +64,8 @@ def with_merged_sweeps(program: Program, formulas: list[Formula]) -> Plan:
             for s, of in slots.items()
         }
     program = replace(program, merged=found, slots=slots)
-    read = {n for m, _, n in program.read_outside if m[0] is RECORD} | read_of_ground(program, RECORD)
+    read = {n for m, _, n in program.read_outside if m[0] is RECORD}
+    read |= read_of_ground(program, RECORD) | read_of_ground(program, KEPT[RECORD])
     return plan_of(replace(program, ground_fields=program.ground_fields & read), formulas)
 
 

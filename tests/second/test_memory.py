@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from painted_memory import filled
 from random_models import random_seeds
 from second_derivatives import EXAMPLES, observed_mechanism, observed_tree
 
@@ -18,20 +19,6 @@ PRODUCTS = (
     "hessian_products", "output_hessian_products", "energy_hessian_products", "inverse_dynamics_hessian_products",
 )  # fmt: skip
 OF_KINEMATICS = ("coordinate_rate_hessian_products", "assemble_hessian_products")
-
-
-def filled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Let NumPy fill new memory with NaN; returns the sizes of the arrays that it fills."""
-    sizes = []
-
-    def full(shape: Any, dtype: Any = float, *given: Any, **named: Any) -> np.ndarray:
-        is_real = np.issubdtype(np.dtype(dtype), np.floating)
-        found = np.full(shape, np.nan if is_real else 0, dtype, *given, **named)
-        sizes.append(found.size)
-        return found
-
-    monkeypatch.setattr(np, "empty", full)
-    return sizes
 
 
 def check(model: Any, state: Any, functions: tuple[str, ...], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
