@@ -11,6 +11,7 @@ import ordernm
 from codegen.html_tables import SHOWN, html_of
 from codegen.runtime.standalone.display.poses import Poses
 from codegen.runtime.standalone.state.derivatives import HessianProducts, InverseDynamicsProducts
+from codegen.runtime.standalone.statics.curvature import EquilibriumProducts
 from ordernm.runtime import Event, Final
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -95,6 +96,7 @@ def results(solver, tmp_path_factory):
         "Gradients": solver.gradients(q, u, weights=np.eye(2)),
         "HessianProducts": HessianProducts(*np.ones((4, 2, 2)), np.ones(2)),
         "InverseDynamicsProducts": InverseDynamicsProducts(*np.ones((5, 2, 2)), np.ones(2)),
+        "EquilibriumProducts": EquilibriumProducts(np.ones((2, 3)), np.ones((2, 1))),
         "FrameMotion": solver.frames(q, u),
         "FrameMotion of many": solver.frames(np.tile(q, (3, 1)), np.tile(u, (3, 1)), accelerations=True),
         "FrameMotion of one": solver.frames(q, u, bodies="upper"),
