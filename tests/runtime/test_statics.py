@@ -7,24 +7,13 @@ import pytest
 from made_once import solvers
 from random_mechanisms import random_mechanisms
 from random_models import random_state, random_tree
+from resting_models import PENDULUM
 from split_mechanisms import BY_HAND, by_hand
 
 import codegen
 from codegen.reference import DenseEngine
 from codegen.reference.arithmetic import SingularMatrixError
 from codegen.runtime import EquilibriumError
-
-PENDULUM = """
-model: pendulum
-gravity: [0, 0, -9.81]
-parameters: {l: 0.8, m: 1.5, J: 0.2, c: 0.1}
-inputs: [motor]
-bodies:
-  rod: {parent: ground, joint: {type: revolute, axis: y}, mass: m, com: [0, 0, -l], inertia: {xx: 0, yy: J, zz: 0}}
-forces:
-  hinge: {type: joint, joint: rod, value: motor - c*u.rod}
-initial: {q: {rod: 0.6}}
-"""
 
 CART = """
 model: cart

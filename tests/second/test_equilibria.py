@@ -7,22 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from resting_models import PENDULUM
 from second_derivatives import EXAMPLES, made
 
 import codegen
 
 FUNCTIONS = "statics,gradients,hessian_products"
 OF_LOOPS = f"{FUNCTIONS},assemble_gradients,assemble_hessian_products"
-
-PENDULUM = """
-model: pendulum
-gravity: [0, 0, -9.81]
-parameters: {l: 0.8, m: 1.5}
-inputs: [motor]
-bodies:
-  rod: {parent: ground, joint: {type: revolute, axis: y}, mass: m, com: [0, 0, -l], inertia: {xx: 0, yy: 0.2, zz: 0}}
-forces: {hinge: {type: joint, joint: rod, value: motor}}
-"""
 
 TWO_RODS = """
 model: two_rods
@@ -156,7 +147,12 @@ def test_a_pendulum_with_a_motor_is_a_closed_form(tmp_path: Path, target: str) -
     solver = opened(PENDULUM, tmp_path, target)
     l, m, tau = 0.8, 1.5, 4.0
     q = solver.equilibrium(inputs=[tau]).q
-    H = hessian(solver, q, np.array([l, m, tau]), np.array([1.0]))
+    H = hessian(solver, q, np.array([*solver.parameters, tau]), np.array([1.0]))
+    names = (*solver.parameter_names, *solver.input_names)
+    by = [names.index(n) for n in ("l", "m", "motor")]
+    rest = np.setdiff1d(range(len(names)), by)  # inertia and friction have no effect
+    assert np.abs(H[rest]).max() < 1e-15 and np.abs(H[:, rest]).max() < 1e-15
+    H = H[np.ix_(by, by)]
     s = tau / (m * 9.81 * l)
     first, second = 1 / np.sqrt(1 - s * s), s / (1 - s * s) ** 1.5
     ds = np.array([-s / l, -s / m, s / tau])
@@ -184,9 +180,11 @@ def test_what_is_no_equilibrium_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         ValueError, match=r"q is not an equilibrium: rod accelerates by .*; pass the q of an Equilibrium"
     ):
-        solver.equilibrium_hessian_products([0.3], weights_q=[1.0], dp=np.eye(2))
+        solver.equilibrium_hessian_products([0.3], weights_q=[1.0], dp=np.eye(4))
     with pytest.raises(ValueError, match="weights_q"):
-        solver.equilibrium_hessian_products([0.0], weights_q=[1.0, 2.0], dp=np.eye(2))
+        solver.equilibrium_hessian_products([0.0], weights_q=[1.0, 2.0], dp=np.eye(4))
+    with pytest.raises(ValueError, match=r"batch of shape \(3,\), expected one state"):
+        solver.equilibrium_hessian_products([0.0], weights_q=[1.0], dp=np.ones((2, 3, 4)))
     with pytest.raises(ValueError, match=r"no seeds|direction|seed"):
         solver.equilibrium_hessian_products([0.0], weights_q=[1.0])
 
@@ -194,11 +192,11 @@ def test_what_is_no_equilibrium_is_refused(tmp_path: Path) -> None:
 def test_a_neutral_direction_has_no_second_derivatives(tmp_path: Path) -> None:
     text = PENDULUM.replace("gravity: [0, 0, -9.81]", "gravity: [0, 0, 0]")
     with pytest.warns(RuntimeWarning, match="rod may rest anywhere"):
-        found = opened(text, tmp_path).equilibrium_hessian_products([0.4], weights_q=[1.0], dp=np.eye(2))
+        found = opened(text, tmp_path).equilibrium_hessian_products([0.4], weights_q=[1.0], dp=np.eye(4))
     assert np.isnan(found.p).all()
 
 
 def test_a_package_without_products_says_what_to_generate(tmp_path: Path) -> None:
     solver = made(EXAMPLES / "pendulum.yaml", tmp_path, functions="statics")
     with pytest.raises(AttributeError, match=r"add them to --functions"):
-        solver.equilibrium_hessian_products([0.0], weights_q=[1.0], dp=np.eye(2))
+        solver.equilibrium_hessian_products([0.0], weights_q=[1.0], dp=np.eye(4))

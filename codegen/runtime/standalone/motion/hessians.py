@@ -17,9 +17,6 @@ from .at_states import AtStates
 from .functionals import AtEvent, Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
 
-HEAD = 6
-"""Numbers before the modes of switches, and the rates of crossed switches, in a row of a step (``ORDERNM_STEP_HEAD``)."""
-
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
 
@@ -150,7 +147,8 @@ class _Tangents:
             for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
         ]
         steps = np.concatenate(self.parts)
-        if steps[:, HEAD + self.nswitches : HEAD + 2 * self.nswitches].any():
+        head = int(self.library.ordernm_head_size(self.plain))
+        if steps[:, head - self.nswitches : head].any():  # rates of switches that a step ends by crossing
             raise ValueError(
                 "hessian: a force or an output changes its branch during the motion (abs, min, a comparison, ...), but hessian "
                 "needs a motion without such changes. Gradients are available without hessian"

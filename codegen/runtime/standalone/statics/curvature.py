@@ -19,11 +19,18 @@ from ....html_tables import html_of, shapes_of, shapes_text
 from ..arrays import Array, Numbers
 from ..calls.arguments import Seeds
 from ..calls.package import EQUILIBRIA
+from ..calls.room import alone
 from ..state.hessians import Hessians
 from ..state.weighted_gradients import WeightedGradients
 from ..warning import warn
 from .equilibrium import neutral_directions, rests
 from .statics import AT_REST, Statics
+
+NEEDED = {
+    "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "hessian_products",
+    "sensitivities_transposed",
+}  # fmt: skip
+"""The generated functions from which the products are composed."""
 
 
 class EquilibriumProducts(NamedTuple):
@@ -52,13 +59,13 @@ def equilibrium_products(
     dp: Numbers, dinputs: Numbers,
 ) -> EquilibriumProducts:  # fmt: skip
     """See `Solver.equilibrium_hessian_products`; `given` holds q, p, inputs and t."""
-    statics.package._needs_all(EQUILIBRIA)
-    if not {"hessian_products", "sensitivities_transposed"} <= statics._functions.keys():
+    if not statics._functions.keys() >= NEEDED:
         raise AttributeError(statics._why_not(EQUILIBRIA))
     q, p, inputs, t = given
     at, space = statics._point(q, 0.0, p, inputs, t), statics._tangent_space()
     arguments = statics._arguments
-    (along, k), _ = Seeds.take(arguments, {"dp": dp, "dinputs": dinputs}, at.named(), ())
+    (along, k), batch = Seeds.take(arguments, {"dp": dp, "dinputs": dinputs}, at.named(), ())
+    alone(batch)
     c = arguments.array("weights_q", weights, "q")
     if c.shape != at.q.shape:
         raise ValueError(f"weights_q has shape {c.shape}, expected {at.q.shape}")
@@ -69,6 +76,7 @@ def equilibrium_products(
             f"q is not an equilibrium: {space.speed_names[worst]} accelerates by {m.udot[worst]:.2g} (rad/s^2 or m/s^2); "
             f"pass the q of an Equilibrium"
         )
+    statics._look_at_rank(EQUILIBRIA, at, space, AT_REST)
     if len(neutral := neutral_directions(m.J)):
         name = statics.coordinate_names[int(np.argmax(np.abs(neutral[0] @ m.tangents)))]
         warn(
