@@ -77,7 +77,8 @@ class SystemAddresses(Addresses):
     program : Program
     layout : SystemLayout
     numbered : bool
-        Rows contain numbers, and values that only neighbours need share memory; otherwise every row contains values by name.
+        Values of a row are placed by number, and values that only neighbours need share memory. Otherwise they are
+        placed by name, each in the row of its own link.
     """
 
     def __init__(self, program: Program, layout: SystemLayout, numbered: bool):
@@ -207,8 +208,8 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """Table column (name, values): the first entry of each link in arguments and results; with the key True, of
-        each loop."""
+        """For a sort of arguments and results: the name of a table column, and the first entry of each link or, with
+        the key True, of each loop."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)

@@ -1,4 +1,4 @@
-"""Memory of adjoints: equal ones share a place, and those that only neighbours read are kept in scratch memory.
+"""Memory of adjoints: equal adjoints share a place, and adjoints that only neighbours read are kept in scratch memory.
 
 A joint transmits the sum of the forces that its link, the children and the loops require. The sum gives all its terms the
 same adjoint.
@@ -16,11 +16,11 @@ from .patterns import Place
 from .stores import LINK
 
 Run = tuple[Block, Callable[[Store, str], Set[Place]]]
-"""A block, and the places of its stores and loads."""
+"""A block, and a function that gives the places to which a store or load of the block refers."""
 
 SUMMED = (fields.total_needed, fields.closing_force, fields.transmitted, fields.tree_transmitted)
 TERMS = tuple(zip(*(of.components for of in SUMMED), strict=True))
-"""The components of the forces that are summed."""
+"""For each component, its names in the forces that are summed."""
 
 
 def merge_equal(memory: Memory, runs: Sequence[Run]) -> None:
@@ -52,7 +52,8 @@ def _stores(block: Block, memory: Memory, name: str) -> dict[Store, Expr]:
 def _is_equal(
     block: Block, places: Callable[[Store, str], Set[Place]], memory: Memory, name: str, kept: str, read: Set[Place]
 ) -> bool:
-    """Whether a block stores the same values for two components, or only one of them where the other is not read."""
+    """Whether two components may share a place: a block stores the same value for both, or one of them where nothing
+    reads the other."""
     first, second = _stores(block, memory, name), _stores(block, memory, kept)
     for a in first.keys() | second.keys():
         if a in first and a in second:

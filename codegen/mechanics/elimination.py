@@ -1,14 +1,14 @@
 """Elimination from symmetric systems and back substitution: one algorithm for trees and loops. Eqs. 44-47, 53.
 
-Accelerations a of several unknowns require the force ``Q a + p``. A degree of freedom adds its acceleration times a column s to
-a, and the force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
+Unknown accelerations a require the force ``Q a + p``. A degree of freedom adds its acceleration times a column s to a,
+and the force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
 
     udot = r / D - G . a,    G = U / D,    r = tau - s . p,
 
 and for the other unknowns ``Q - G U^T`` and ``p + G r`` remain: no inertia along s, and the force tau.
 
-A rotor adds its reflected inertia a to D and to nothing else. Then ``s . G`` is ``1 - a/D``. Along s, the inertia ``a G`` and the
-force ``tau - a r/D`` remain. Neither is a difference of large terms.
+A reflected inertia `rotor` is added to D and to nothing else. Then ``s . G`` is ``1 - rotor/D``. Along s, there remain
+the inertia ``rotor G`` and the force ``tau - rotor r/D``. Neither is a difference of large terms.
 
 The unknowns of a link are the six components of its acceleration, and six of each partner; the columns are those of its joint.
 The unknowns of a region are its sources, a base that carries it, and partners. A source changes no other unknown, so its value is
@@ -32,8 +32,8 @@ from .stores import ME, PIVOT, REGION
 from .structure.kinds import LinkKind, RegionKind
 
 SMALL = 2e-15
-"""Smallest pivot relative to the inertia along the column; below it, nothing outboard has inertia about the joint. This
-margin, like all margins in `mechanics`, is for double precision."""
+"""Smallest pivot relative to the inertia along the column; a smaller pivot means that nothing outboard has inertia
+about the joint. This margin, like all margins in `mechanics`, is for double precision."""
 
 
 class ZeroPivotError(ValueError):

@@ -212,7 +212,8 @@ def _written(patterns: Patterns, field_use: FieldUse, sweep: Sweep, kind: UnitKi
 def _timed(
     program: Program, sweeps: list[Sweep], stage: str, progress: Progress, done: int = 0, rounds: int = 1
 ) -> Iterator[Sweep]:
-    """The sweeps of one of several rounds, one by one; reports progress and measures each sweep's time."""
+    """Yields the sweeps one by one, reports progress, and measures each sweep's time. The sweeps run in several
+    `rounds`, of which `done` are complete."""
     for step, sweep in enumerate(sweeps, 1 + done * len(sweeps)):
         progress(stage, step, rounds * len(sweeps))
         clock = time.perf_counter()

@@ -28,7 +28,7 @@ class _Access:
         Number of the sweep, in the order in which they run.
     kind : UnitKind
     store : Store
-        In the form that overwrites.
+        The store that overwrites, also where the block adds.
     """
 
     at: int

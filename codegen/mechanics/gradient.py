@@ -173,9 +173,9 @@ class _Unit:
 
 
 class _Propagated:
-    """Contributions that units propagate per direction, and whether a component is still empty when a unit begins.
-
-    If this is the same for all units of a kind, the first contribution assigns, and reused memory need not be cleared.
+    """Contributions that units propagate per direction, and whether a component is still empty when a unit begins. If
+    the answer is the same for all units of a kind, the first contribution assigns, and reused memory need not be
+    cleared.
 
     Attributes
     ----------

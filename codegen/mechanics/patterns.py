@@ -45,7 +45,7 @@ class Reach:
         of_region = {
             u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
         }
-        # a coupling belongs to the kind of the unit with which it ends
+        # a coupling belongs to the kind of the unit at which it ends
         kind_of_coupling = {
             c: (kind.index, n)
             for partners, kind in zip(regions.elimination.partners, system.unit_kind_of, strict=True)

@@ -25,7 +25,7 @@ def accumulate(x: Scope, store: Store, field: Field[V], value: V, first: bool, t
 def accumulate_force(
     x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
-    """Adds a moment and a force to a field of another object; their components alternate."""
+    """Adds a moment and a force to a field of another object; the statements for moment and force alternate."""
     parts = field.scalars()
     for i in (0, 3, 1, 4, 2, 5):
         accumulate(x, store, parts[i], value[i], first, tag, lanes)

@@ -152,12 +152,12 @@ class SecondOrder:
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
         loops = bool(self.system.model.loops)
         self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()), *(GRADIENTS if gradients else ()))
-        """Adjoints that are arrays and are read."""
+        """Arrays of adjoints that are read after the sweeps."""
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
         self.transposes: dict[tuple[str, int], Block] = {}
         self.forward, inverse = mass_name("missing_forces") in self.parts, not loops and "tree_motion" in originals
-        """Whether products of the forward dynamics of a tree are among the functions."""
+        """Whether products of the forward dynamics of a tree, and of its inverse dynamics, are among the functions."""
         self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
@@ -413,8 +413,8 @@ def read_outside(system: System) -> set[Place]:
 def _changing(block: Block, sweep: str) -> Block:
     """The transpose of a tangent; results that later transposes for the same multipliers read get memory of their own.
 
-    For multipliers of velocities, these results are velocities. All other results add to the tangents of adjoints,
-    whose sweeps follow.
+    For multipliers of conditions on velocities, these results are the adjoints of velocities. All other results add to
+    the tangents of adjoints, whose sweeps follow.
     """
     of_velocities = sweep in ("rate_gaps", "velocities")
 

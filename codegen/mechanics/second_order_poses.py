@@ -47,7 +47,7 @@ def attitudes(x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:
 
 
 def rotation(kind: LinkKind, d: Tangents) -> list[tuple[Store, str, Expr]]:
-    """Stores of a link's rotation, appended to the tangent of the block `kinematics.pose`."""
+    """The stores of a link's rotation vector, which are appended to the tangent of the block `kinematics.pose`."""
     x, tag = d.expansion, "d Eq. 22"
     joint = kind.joint(x, kind)
     W = x.load(UP, fields.attitude)

@@ -136,7 +136,8 @@ def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:
 
 
 def link_step(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link from which ears start: rotation vector and displacement relative to the origin, along its axes."""
+    """Outward block of a link from which ears start: rotation vector and displacement of Newton's step, relative to
+    the origin, along the link's axes."""
     if kind.closed_on == "origin":
         _store_step(x, ME, ZERO, ZERO)
         return
@@ -164,8 +165,8 @@ def far_steps(x: Scope, kind: RegionKind) -> None:
 def conditions(x: Scope, kind: EarKind) -> None:
     """Block of an ear: the condition number of its closure matrix, section 4.7 of the theory page.
 
-    With rows and columns scaled it is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms, and ``|1/r|`` of a single column; 1
-    where nothing depends on the configuration.
+    With rows and columns scaled it is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms, and ``|1/r|`` for a single
+    column. It is 1 if a single column belongs to couplings only, and 0 without columns.
     """
     f = stored_factor(x, kind)
     n = len(f.order)
@@ -203,7 +204,7 @@ def _divided(x: Scope, value: Value, unit: Number) -> Value:
 
 
 def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:
-    """Frobenius norm of an upper triangular matrix."""
+    """The entries of the inverse of an upper triangular matrix, from the reciprocals of its diagonal."""
     n = len(diagonal)
     found: dict[tuple[int, int], Value] = {}
     for j in range(n):

@@ -96,7 +96,7 @@ class GroundGeometry(EarGeometry):
 
 
 def numbered(rows: list[Condition]) -> Iterator[tuple[int, int]]:
-    """For each condition, its loop and its number among the loop's conditions of the closure matrix."""
+    """For each of the conditions, its loop and its number among those of `rows` that belong to this loop."""
     counts: dict[int, int] = {}
     for row in rows:
         yield row.loop, counts.setdefault(row.loop, 0)
@@ -183,7 +183,7 @@ def acceleration_gaps(x: Scope, kind: EarKind) -> None:
 
 
 def tangential_gradients(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: gradients by quaternions, without the component along the quaternion.
+    """Outward block of an ear: gradients with respect to quaternions, without the component along the quaternion.
 
     Only where loops determine some rotations of a joint but not all: completion of seeds then keeps the quaternion's length.
     """

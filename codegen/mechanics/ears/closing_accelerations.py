@@ -50,7 +50,8 @@ def cut_accelerations(
 ) -> tuple[list[Twist], list[Vector]]:
     """Relative accelerations and angular velocities of the faces at every cut. Eq. 31.
 
-    For conditions that rotate with the start face, the joint's own remainder is subtracted.
+    Directions of conditions rotate with the start face, so ``w_a x w_rel`` is subtracted from the angular part. If the
+    joint slides, ``2 w_a x v_rel`` is subtracted from the linear part.
     """
     found = []
     turning: list[Vector] = []

@@ -1,9 +1,9 @@
 """Closure of an ear, outward: attitudes, closure matrix, motion per unit of the sources, dependent speeds. Eqs. 30-38.
 
-With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, and every link moves with ``Z s``.
-Here s are the sources of the region: independent speeds, or six components: the motion of a link, or the
-relative motion of a far link. Y and Z are the paper's Gamma and Xi, applied to the sources at once. Accelerations obey
-the same maps, plus a remainder.
+The closure ``E x + b s = 0`` gives the dependent speeds ``x = Y s``, and every link moves with ``Z s``. Here s are the
+sources of the region: independent speeds, or the six components of the motion of the base or of the relative motion of
+a far link. Y and Z are the paper's Gamma and Xi, here directly in terms of the sources. Accelerations obey the same
+maps, plus a remainder.
 """
 
 from __future__ import annotations

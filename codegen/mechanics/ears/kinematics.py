@@ -1,6 +1,7 @@
 """Motion of an ear's links with the sources at rest, and the force that it requires. Eqs. 18-24, 31, 38.
 
-The dependent joints have the accelerations that closure requires. Links beyond the ear continue along their own axes.
+The dependent joints have the accelerations that closure requires. Links outboard of the ear are computed along their
+own axes.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The paper's recursion projects the motions of joints, one after the other, out of the remaining conditions. Here each
 column is projected twice, which leaves Q orthogonal to rounding for any condition number. A column with one entry, and
-the second of two columns in a plane, need neither projection nor square root. With more conditions than rank, ``E x =
-b`` is solved in the least-squares sense: on consistent motion the redundant conditions agree.
+the second of two columns in a plane, need neither projection nor square root. If E has more rows than its rank, ``E x
+= b`` is solved in the least-squares sense: in a consistent motion the redundant conditions agree.
 """
 
 from __future__ import annotations
@@ -92,8 +92,8 @@ class Factor:
         """Store the factor in the ear's record; returns its form, for `load_factor`.
 
         `rows` are the numbers of E's rows among all `count` conditions. Fields are named by these numbers and by
-        columns. On zero patterns all fields are stored: statements may show more zeros, and the order of elimination
-        then differs.
+        columns. On zero patterns all fields are stored: the statements may find more zeros than the patterns, which
+        changes the order of elimination.
         """
         if self.x.structural:
             for j in range(len(self.order)):

@@ -4,7 +4,8 @@ Outward, the contribution of the change of udot, which the balance held, is adde
 requires. Inward, these forces are summed as in the balance, along the links' own axes. A loop's wrench changes with the
 directions that its joint constrains, and with its multipliers W. The stored factor gives the change of the multipliers
 from ``E^T dW = -dgamma``, where dgamma is the residual of the dependent joints with W held. Where conditions are
-redundant, W is the shortest, ``W = E z``, and the part of ``dE z`` that E does not reach is added.
+redundant, W is the shortest wrench, ``W = E z``, and the part of ``dE z`` that is normal to all columns of E is added
+to dW.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ from .tangents import EarTangents
 
 
 def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
-    """Add the effect of accelerations to the force that a link requires: `rates` of its joint, `before` of its parent.
+    """Add the force that a link requires for more acceleration: `rates` are accelerations of its joint, `before` is
+    that of its parent.
 
     Returns the added acceleration of the link. Eqs. 19, 23.
     """
@@ -156,7 +158,8 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
 
 
 def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, d: EarTangents) -> Vector:
-    """The part of ``dE z`` that E does not reach, where the shortest multipliers are ``W = E z``. Eq. 9."""
+    """The part of ``dE z`` that is normal to all columns of E; z gives the shortest multipliers, ``W = E z``. Eq.
+    9."""
     factor = stored_factor(x, ear.kind)
     z = [x.name("z", v, "Eq. 9") for v in factor.solve(wrench, "z", "Eq. 9")]
     d.hold(z)

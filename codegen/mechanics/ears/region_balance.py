@@ -1,4 +1,5 @@
-"""The balance through regions: the sources' right sides are eliminated, and the rest is propagated to the links that carry them.
+"""The balance through regions: the sources' right sides are eliminated, and the rest is propagated to the links that
+carry the region.
 
 Section 4.6 of the theory page.
 """
@@ -22,7 +23,8 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:
-    """Outward block over directions: set sums to zero, and compute the motions of far links along their own axes."""
+    """Outward block over directions of a region: set sums to zero, and compute the motions of far links along their
+    own axes."""
     for c in range(kind.total):
         x.store(LREGION, fields.source_tangent_force(c), 0)
     clear_transmitted(x, kind)
@@ -44,9 +46,8 @@ def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:
 
 
 def region_balance_in(x: Scope, kind: RegionKind) -> None:
-    """Inward block over directions: eliminate the sources' right sides and propagate the rest to the links that carry them.
-
-    Eqs. 45, 53.
+    """Inward block over directions of a region: eliminate the sources' right sides, and propagate the rest to the
+    links that carry the region. Eqs. 45, 53.
     """
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     g = eliminated_sources(x, kind, transmitted)

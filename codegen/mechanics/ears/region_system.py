@@ -33,8 +33,8 @@ def unknowns(kind: RegionKind) -> int:
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
-    """For each partner, the index of its first component among all unknowns; for a partner that is the base, the index
-    of the base."""
+    """For each partner, the index of its first component among all unknowns; for a partner that is the base, the first
+    of the base's own components."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
         found.append(place_of_base(kind) if m == kind.partners.base else at)
@@ -128,8 +128,8 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
-    """Terms of forces along prescribed sources: rows of the inertia, times accelerations that are known before the
-    region's own."""
+    """Store the terms of the forces along prescribed sources: entries of g, and entries of Q for unknowns that are
+    known before the region's own."""
     for c in kind.locked:
         x.store(REGION, fields.source_driving_rest(c), g[c])
         for i in range(kind.sources, len(g)):

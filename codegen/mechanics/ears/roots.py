@@ -66,7 +66,7 @@ class Root(ABC):
 
     @abstractmethod
     def motion(self, total: bool) -> Motion:
-        """Motion relative to the ground: the part that does not depend on udot, or the `total` motion."""
+        """Motion relative to the ground: the motion with udot = 0, or the `total` motion."""
 
     @abstractmethod
     def own_motion(self) -> tuple[Motion, Motion]:

@@ -48,10 +48,10 @@ def ear_tangents(
     angles : dict of int to Vector
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
-        Tangents of what the block loads of its roots, from `tangents_of`.
+        Tangents of the values that the block loads from its roots; see `tangents_of`.
     dq : dict of (int, int) to value
-        Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
-        levers have been kept.
+        Displacements that the block has found itself, by link and coordinate. None if the seeds are complete: then an
+        earlier block has stored the tangents of levers.
     """
     if isinstance(ear.x, Expansion):
         return WrittenTangents(ear, ear.x, angles, roots, dq)
@@ -120,7 +120,7 @@ class WrittenTangents(EarTangents):
             self._attitude(place)
 
     def _scan(self) -> None:
-        """Find the seeds of values that have been loaded since the last call."""
+        """Find the tangents of coordinates, speeds and other values that the block has loaded since the last call."""
         loads = list(self.x.block.loads.items())
         for symbol, (store, name) in loads[self.scanned :]:
             place = store.place
@@ -183,7 +183,7 @@ class WrittenTangents(EarTangents):
             turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
-            # a known unit matrix W maps names to themselves
+            # if W is the unit matrix, region and link components have the same names: keep them correctable
             self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
     def _set(self, found: Vector, moved: Vector) -> None:
@@ -249,7 +249,7 @@ class WrittenTangents(EarTangents):
                         before = self.d.of.get(symbol, 0)
                         self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
                         changed.add(symbol)
-        # vectors rotated into the region's axes are no longer needed
+        # vectors rotated into the region's axes are not read any more, so their tangents stay as they are
         right = listed | self.turned
         for statement in self.x.block.statements[: self.done]:
             if statement.lanes or statement.target in right:

@@ -188,7 +188,8 @@ class Element:
         return self._known[j]
 
     def turned(self, angle: Value) -> Value:
-        """An angle, shifted by whole turns to lie within half a turn of its mode, so that it does not jump."""
+        """An angle, shifted by whole turns to lie within half a turn of the angle held as its mode, so that it does
+        not jump."""
         return self.let("turned", self.x.call("held_turn", angle, self._mode))
 
     @property

@@ -38,7 +38,7 @@ class Body:
     records : Records
     body : int
     turned : bool
-        Computation uses other axes for the ground than the model (`structure.world`).
+        The computation uses other axes of the ground than the model (`structure.world`).
     """
 
     records: Records

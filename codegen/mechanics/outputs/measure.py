@@ -29,7 +29,8 @@ class RecordMeasure:
     pivots : bool
         Some states have a value but no derivative; `Records.differs` reports them.
     more : callable (Output, System) -> sequence of Expression
-        Expressions that `write` evaluates in addition to the output's own. Their order depends only on where they occur.
+        Expressions that `write` evaluates in addition to the output's own, in the same order for all outputs of one
+        form.
     """
 
     reads: tuple[str, ...]

@@ -19,7 +19,7 @@ MOST_LINKS = 256
 memory."""
 
 LEAST_COLUMNS = 12
-"""Smallest number of columns that have memory; other functions over directions use the same memory."""
+"""Least number of columns for which there is memory, since other functions over directions use the same memory."""
 
 Entries = tuple[tuple[Array, int], ...]
 
@@ -31,7 +31,8 @@ def applies(system: System) -> bool:
 
 
 def room(system: System) -> int:
-    """Number of columns that have memory: the columns of the whole state, rounded up to a multiple of four."""
+    """Number of columns for which there is memory: those of the whole state, rounded up to a multiple of four, within
+    the limits above."""
     model = system.model
     return max(LEAST_COLUMNS, min(-(-(model.nq + model.nu) // 4) * 4, MOST_COLUMNS))
 
@@ -110,9 +111,9 @@ def mass(w: Shared) -> AllColumns:
 
 
 def force_primitives(w: Shared) -> Primitives | None:
-    """Derivatives of joint forces by coordinates, speeds and inputs; one direction serves several forces.
+    """Derivatives of joint forces with respect to coordinates, speeds and inputs, with few directions.
 
-    Arguments of the same force get different directions. Returns None if there are too few directions.
+    Several arguments share a direction if no force reads two of them. Returns None if there are too few directions.
     """
     model, system = w.system.model, w.system
     places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}

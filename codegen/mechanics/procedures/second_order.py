@@ -172,7 +172,8 @@ class _Parts:
         self.bars = [bar_of(w, f) for f in self.formulas]
 
     def weights(self, plus: tuple[Array, ...], minus: tuple[Array, ...] = ()) -> list[Step]:
-        """The adjoints of missing joint forces, and zeros to which blocks add adjoints of formulas."""
+        """The adjoints of the missing joint forces of the inverse dynamics, and zeros to which blocks add adjoints of
+        formulas."""
         bar = self.w.one("force").called("force_bar")
         return [
             Own(bar),

@@ -153,12 +153,12 @@ class WithLoops:
 
     @property
     def kept(self) -> tuple[Step, ...]:
-        """Steps that copy the arrays to which sweeps that run again add."""
+        """Steps that copy the arrays `propagated`, before sweeps add to them that will run again."""
         return tuple(Copy(a.called(f"kept_{a.name}"), a) for a in self.propagated)
 
     @property
     def restored(self) -> tuple[Step, ...]:
-        """Steps that continue from these copies."""
+        """Steps that set the arrays `propagated` to these copies."""
         return tuple(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated)
 
     def _formula_gradients(self) -> list[Step]:

@@ -42,7 +42,7 @@ class Shared:
         read = set[str]().union(*(x.value.names for x in model.prescribed))
         of_motion = {"inputs": not read.isdisjoint(model.inputs), "t": "t" in read}
         self.p = given + [n for n in rest if of_motion[n]]
-        """Arguments on which the pose depends besides coordinates: parameters, and inputs or time of prescribed
+        """Arguments other than coordinates on which poses depend: parameters, and the inputs or time of prescribed
         motion."""
         self.rest = given + rest
         self.state = ["q", "u", *self.rest]

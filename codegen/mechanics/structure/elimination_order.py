@@ -19,8 +19,7 @@ from .graph import EarLinks, Region, Unit
 from .links import Link
 
 CARRIER = -1
-"""Index, among the attachment points of a block, of the link that carries the eliminated unit: parent or region's
-base."""
+"""Entry of `Contribution.ends` for the link that carries the eliminated unit: its parent, or the base of a region."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
-"""Structure of a factored closure matrix, without its numbers: `ears.orthogonal` determines it, and other blocks load
-the factor by it."""
+"""Structure of a factored closure matrix, without its numbers: `ears.orthogonal` determines it, and other blocks use
+it to load the factor."""
 
 from __future__ import annotations
 

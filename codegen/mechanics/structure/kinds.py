@@ -45,7 +45,7 @@ class LinkKind(SharedConstants):
     pulled : bool
         Force elements act on it.
     forced : tuple of bool
-        The degrees of freedom with a joint force in the model.
+        For each degree of freedom, whether the model has a joint force along it.
     partners : Partners
         Coupled links of the first member; the structure is the same for all.
     moves : tuple of bool
@@ -89,7 +89,8 @@ class LinkKind(SharedConstants):
 
 @dataclass(slots=True, eq=False)
 class ClosureKind(SharedConstants):
-    """A loop of a kind of ears; see `structure.Closure`. `axis` and `end_axis` are the joint's axes among those of the faces.
+    """A loop of a kind of ears; see `structure.Closure`. `axis` and `end_axis` number the base vectors of the two
+    faces that are the joint's axes.
 
     `holds`: the numbers of constrained directions; `slides`: the displacement between the faces enters the conditions;
     `surfaces`: the equations of a condition on a point; `turned`: its faces are exchanged, see `Model.with_turned`.
@@ -131,7 +132,7 @@ class EarKind:
     first_at : list of bool
         Whether the ear is the first, on the way inward, to contribute a force to that root.
     followed : list of bool
-        The links from which later ears of the region start.
+        For each link, whether a later ear of the region starts from it.
     closures : list of ClosureKind
     sources, total : int
         Number of independent speeds of the region; number of all sources, with components of the motion of links.

@@ -1,9 +1,9 @@
 """Estimated multiplications for loops in one region and in separate regions, by which one of the two is chosen.
 
-Compared with the additions and multiplications generated for udot, for separate regions and one region (section 4.3 of the
-theory page): Delta robot, estimates 38 000 and 9 000, generated 44 000 and 17 000; Stewart platform, 7 300 and 6 600, generated
-9 800 and 9 600; chain of 16 links with its end held, 3 600 and 8 200, generated 7 600 and 19 000. Where udot costs the same,
-derivatives cost a little more in one region.
+For separate regions and for one region, the estimates are to be compared with the additions and multiplications that
+are generated for udot (section 4.3 of the theory page): Delta robot, estimates 38000 and 9000, generated 44000 and
+17000; Stewart platform, 7300 and 6600, generated 9800 and 9600; chain of 16 links with its end held, 3600 and 8200,
+generated 7600 and 19000. Where udot costs the same, derivatives cost a little more in one region.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Freedoms:
         starts."""
         outside = self.outside(bundle)
         moving = list(outside - {GROUND})
-        # the description is shortest for the links that the base carries
+        # links on the base need no sources of a far link, so the base carries as many links as possible
         hanging = [self.links[i].parent for i in bundle.members]
         moving.sort(key=lambda i: (-hanging.count(i), i))
         base = moving[0] if moving else GROUND

@@ -107,7 +107,8 @@ def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
 
 
 def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Paths between the joints of a coupling: from each of its links to the nearest link inboard of all."""
+    """Paths between the joints of a coupling: from each of its links to the nearest link that is inboard of all of
+    them."""
     ends = list(dict.fromkeys(i for i, _ in freedoms))
     front = set(ends)
     while len(front) > 1:
