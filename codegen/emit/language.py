@@ -27,7 +27,7 @@ class Located:
     row : str
         Value of that variable.
     text : str
-        What follows the variable.
+        Text that follows the name of the variable in an expression of the component.
     type : str
         Type of the row, if the language has types.
     names : tuple of str
@@ -91,7 +91,7 @@ class Language(ABC):
         """Whether any function reads the table of numbers that differ within a kind."""
         self._shared: dict[str, list[tuple[Kind, ...]]] = {}
         self._tables_of_numbers: dict[str, str] = {}
-        """For each column of a table: the function after which the table is named."""
+        """The function after which a table of numbers is named, by the table's contents."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 

@@ -52,7 +52,7 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Adds steps, which are called with the given widths: with `anyhow` by functions of every width, otherwise by
+        """Adds steps, which run with the given widths: if `anyhow`, functions of every width run them, otherwise
         functions of the same width."""
         for step in steps:
             match step:

@@ -45,7 +45,8 @@ class SweepWriter(Language):
         return self._shared[sweep]
 
     def _form(self, kind: Kind, sweep: str, block: Block) -> object:
-        """What the blocks that share a function have in common: statements, and addresses without the numbers of rows."""
+        """The properties in which blocks must agree to share a function: statements, and addresses without the numbers
+        of rows."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
             if store.memory is MARGIN:

@@ -44,7 +44,8 @@ class Writer(RowWriter):
 
     @cached_property
     def sets_of_widths(self) -> list[tuple[int, ...]]:
-        """All sets of widths for which something is called, the largest set first."""
+        """All sets of widths for which a sweep, a formula, a routine or a function is written, the largest set
+        first."""
         sets = {*self.widths.values(), *(widest_first(p) for p in self.asked if p.widths)}
         return sorted(sets, key=lambda widths: (-len(widths), widths))
 

@@ -19,8 +19,9 @@ from .types import NUMBER_TYPE
 class BlockLines:
     """Writes the lines of one block.
 
-    Results that are stored once for all directions are computed before the loop over vectors. Other shared numbers stay in the
-    order of the block: compilers move them out of the loop, and choose better which numbers stay in registers.
+    Results that are stored once for all directions are computed before the loop over vectors. Other values common to
+    all directions stay in the order of the block: compilers move them out of the loop, and know better which of them
+    to keep in registers.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Memory of a call of a function in a C header, in addition to the memory of the sweeps: pointers, and arrays of the
+"""Memory that a call of a header function needs in addition to the memory of the sweeps: pointers, and arrays of the
 call."""
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from ...records import dataclass
 
 @dataclass(slots=True)
 class Memory:
-    """Memory that procedures need in addition to the memory of the sweeps: pointers of the two structs, and arrays of
-    the call.
+    """Memory that procedures need in addition to the memory of the sweeps: pointers in the two structs of a call (one
+    for values, one for values per direction), and arrays of the call.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ def read_apart(procedure: Procedure, array: Array) -> bool:
 
 
 def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
-    """Place each array of a call at the first offset that overlaps no array used at the same time."""
+    """Place each array of a call at the first offset at which it overlaps no array that is used at the same time."""
     for array, others in together.items():
         at = 0
         for other in sorted((o for o in others if o in found.own), key=lambda o: found.own[o]):

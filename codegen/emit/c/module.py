@@ -204,7 +204,7 @@ def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str
 
 
 def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingProxyType({})) -> list[str]:
-    """Lines that include the functions over directions once for every width; the last definition remains.
+    """Lines that include the functions over directions once for every width; the last definition of ``WIDTH`` remains.
 
     Some widths are in libraries of their own, by the conditions of `guards`.
     """

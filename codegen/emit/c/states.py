@@ -1,8 +1,8 @@
 """Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors, and
 ``NAME_threads.c``, which shares such a batch among threads.
 
-The first includes ``NAME.c`` with vectors in place of doubles, so every statement is the same as for one state. It needs only a
-few macros, which ``module.c.jinja`` defines for one state and ``states.c.jinja`` for several.
+The first includes ``NAME.c`` with vectors in place of doubles, so every statement is the same as for one state. This
+takes only a few macros, which ``module.c.jinja`` defines for one state and ``states.c.jinja`` for several.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class StateLines(Lines):
 
 
 def part(p: Procedure, name: str, lines: list[str], real: str, saved: str) -> tuple[Function, str]:
-    """One of these two functions, with the parameters that its lines read, and its call."""
+    """One of the two functions of `StateLines.parts`, with the parameters that its lines read, and its call."""
     text = "\n".join(lines)
     given = [saved, *parameters(p, real), "int directions"]
     names = ((x, x.rpartition(" ")[2].lstrip("*")) for x in given if x)

@@ -55,8 +55,8 @@ MEMBERS, COMMENTED = 100, 120
 
 
 SHARES = {1: 3, 2: 2}
-"""Shares of the units of a library in the parts of long functions; the second unit has more functions over
-directions."""
+"""The ratio in which the units of a library share the lines of long functions; the second unit gets fewer, since it
+has more functions over directions."""
 
 
 @dataclass(frozen=True, slots=True)
