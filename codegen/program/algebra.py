@@ -247,7 +247,8 @@ class Function(Expr):
 
 
 class Made(Protocol):
-    """A function from operands, expressions or numbers, to the value of an elementary function."""
+    """A function that returns the value of an elementary function for its operands, which are expressions or
+    numbers."""
 
     def __call__(self, *arguments: object) -> Expr: ...
 
@@ -704,7 +705,7 @@ def sqrt(e: object) -> Expr:
 
 
 def derivative(e: Expr, by: Symbol) -> Expr:
-    """The derivative of an expression by one of its symbols."""
+    """The derivative of an expression with respect to one of its symbols."""
     if by not in e.free_symbols:
         return ZERO
     if e is by:

@@ -35,7 +35,7 @@ def are_long() -> bool:
 
 
 def number(value: float) -> Number:
-    """A number that prints as the same double, or in extended precision with the same digits."""
+    """The value as a number of the program: a double, or an extended-precision number of the same value."""
     return Number(mpmath.mpf(value) if are_long() and not isinstance(value, int) else value)
 
 

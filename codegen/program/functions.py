@@ -112,8 +112,8 @@ of the arguments; a negative mode selects the other branch. Zero leaves the choi
 `HeldTurn` is an angle: the argument is shifted by whole turns to within half a turn of it."""
 
 HeldAngle = _plain("HeldAngle")
-"""atan2(y, x) with a mode, the sign of y. With this sign the result continues beyond pi, or below -pi. For x = 0 it is a quarter
-turn."""
+"""atan2(y, x) with a mode, the sign of y. Where y has the other sign and x is negative, the result continues beyond
+pi, or below -pi. For x = 0 it is a quarter turn."""
 
 Floor = _elementary("Floor")
 """The largest integer not above x; its derivative is zero."""

@@ -189,7 +189,7 @@ def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> St
 
 
 def _is_bare(product: Expr) -> bool:
-    """Whether a product differs from a symbol with a minus sign, for which a name saves nothing."""
+    """Whether a product has no minus sign in front; a name for the negative of a symbol would save nothing."""
     return product.args[0] is not algebra.MINUS_ONE
 
 

@@ -215,7 +215,7 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """Sweeps over directions that compute a value: one direction, before the directions of the seeds.
+    """Run sweeps over directions to compute a value: over one direction, before they run over those of the seeds.
 
     Attributes
     ----------
