@@ -29,7 +29,8 @@ class Ancestry:
 
     def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
         self.parent, self.depth, self.ground = parent, depth, ground
-        # for every body, an inboard body: a jump spans the two following jumps if these have equal lengths
+        # for every body, the inboard body to which it jumps: past its parent's next two jumps if these are equally
+        # long
         self._jump = [ground] * (ground + 1)
         inside = [1] * (ground + 1)
         for k in outward:

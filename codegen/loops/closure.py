@@ -71,8 +71,8 @@ def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, 
 
 
 def shifted(w: Array, v: Array, r: Array) -> Array:
-    """Velocities of points from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` are the vectors between
-    them."""
+    """Velocities of points, from the twists w, v ``(..., 3, K)`` at other points; r ``(..., 3)`` are the vectors from
+    the other points."""
     return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
 
 

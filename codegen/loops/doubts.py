@@ -1,8 +1,9 @@
 """Warnings about a partition: poorly conditioned or large ears, changed initial values, blocked motions.
 
 A motion can violate a condition by much less than motions usually do. It is blocked all the same: the mechanism has one
-degree of freedom less, and the joint forces there are large. Above the model's tolerance this may be intended. The
-cause may also be an axis that is given with three digits, where exact components would permit the motion.
+degree of freedom less, and the joint forces there are large. If the violation exceeds the model's tolerance, this may
+be intended. The cause may also be an axis that is given with three digits, where exact components would permit the
+motion.
 """
 
 from __future__ import annotations

@@ -50,7 +50,8 @@ def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list
 
 
 def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int, Array]:
-    """Frame of a loop joint's conditions, after the index of its column along the axis; see `closure_row_names`.
+    """The frame of a loop joint's conditions, preceded by the number of the frame's column along the joint axis; see
+    `closure_row_names`.
 
     Parameters
     ----------

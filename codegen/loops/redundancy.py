@@ -59,7 +59,7 @@ WORTH_TURNING = 0.6
 """Fraction of the quality along axes of ``to`` below which conditions along axes of ``from`` are replaced."""
 
 STEP = 2.0**-10
-"""Relative step of parameters. A parameter whose magnitude is below this number gets the step of this number."""
+"""Step of a parameter, relative to its magnitude; a smaller magnitude than this number counts as this number."""
 
 
 @dataclass(slots=True)
