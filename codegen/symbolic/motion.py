@@ -34,7 +34,7 @@ class Equations:
     """Equations of motion in the names of the model, all symbols real.
 
     Made by `equations`. Coordinates are ``q.NAME``, speeds ``u.NAME``, accelerations ``udot.NAME``; parameters, inputs and ``t``
-    have their own names. The form says what holds:
+    have their own names. The equations depend on the form:
 
     =============== =============================================================================================
     ``tree``        M udot = forcing

@@ -44,7 +44,8 @@ EQUATIONS = {
     "moment": "first moment", "mass_in": "Eq. 45", "force": "Eq. 45", "gradient_out": "Eq. 54", "gradient_in": "Eq. 45",
     "formula": "formula",
 }  # fmt: skip
-"""Tags of statements without a tag in sweeps whose title names no equation, by the beginning of the sweep's name."""
+"""By the beginning of a sweep's name: the tag of statements that have none, if the title of the sweep names no
+equation."""
 
 
 def tag_of_sweep(sweep: str, title: str, each_direction: bool) -> str:
@@ -247,7 +248,7 @@ def _planned(
 
 
 class _Reader:
-    """Converts, and gives numbers to, the statements of a plan and the transposes of formulas with targets in
+    """Converts and numbers the statements of a plan, and the transposes of the formulas whose targets are in
     `backwards`."""
 
     def __init__(self, system: System, plan: Plan, backwards: set[str]) -> None:
@@ -309,7 +310,7 @@ class _Reader:
         owner: Callable[[Store], str],
         sweep: str = "",
     ) -> Unit:
-        """The statements of a block, or of a few of one formula.
+        """The statements of a block, or of several blocks of one formula.
 
         `name` returns the symbol of a stored component, and `owner` the owner of the memory.
         """

@@ -54,7 +54,7 @@ def is_small(matrix: sympy.Matrix) -> bool:
 
 
 def as_text(found: Equations) -> str:
-    """The equations in sympy's words, one entry a line."""
+    """The equations in sympy's notation, one entry a line."""
     lines = [f"{found.name}: {', '.join(LAWS[found.form])}"]
     lines += [f"{name} = ({', '.join(s.name for s in of)})" for name, of in vectors(found).items()]
     lines += [f"{s.name} = {value}" for s, value in found.intermediates.items()]
