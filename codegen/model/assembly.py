@@ -86,7 +86,7 @@ def _model(reader: Reader) -> Model | None:
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     couplings = read_couplings(reader, bodies)
-    if reader.errors == before:  # an unreadable loop may hold a body that seems to move no mass
+    if reader.errors == before:  # a body may seem to move no mass if its loop cannot be read
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         coupled = {term.body for of in couplings for term in of.terms}
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND} | coupled, motion)

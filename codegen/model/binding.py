@@ -218,7 +218,7 @@ def component_of(tree: Tree, k: int, wanted: str) -> Tree:
 
 
 def _component(tree: Tree, k: int, numbers: Numbers) -> tuple[Tree, bool]:
-    """Component k of a vector expression, bound, and True; or a bound number, and False."""
+    """The bound component k of a vector expression, and True; for a number, the bound number and False."""
     kind = tree[0]
     if kind == "indexed" and not tree[3]:
         tree = ("name", "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]))
@@ -276,7 +276,7 @@ class Binder:
 
 
 Computed = Callable[[Mapping[str, Any]], Number]
-"""A function from values of indices to the number of an expression."""
+"""A function that returns the value of an expression for given values of indices."""
 
 
 def _computed(
@@ -284,7 +284,7 @@ def _computed(
 ) -> Computed | None:
     """A function that computes an expression of indices and numerical constants only; None for other expressions.
 
-    It computes the same as `bind`, operation by operation, and takes a third of the time if many indices follow.
+    It computes the same as `bind`, operation by operation, in a third of the time if it is called for many indices.
     """
     kind = tree[0]
     if kind in ("number", "quantity"):

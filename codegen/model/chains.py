@@ -1,7 +1,7 @@
-"""Motion of joints on floats: chains of elementary motions, for many joints of one type at the same time.
+"""Motion of joints in floating-point numbers: chains of elementary motions, for all joints of one type at once.
 
-Coordinates are ``(S, nq + 1)`` with a zero at the end; m joints of a type have arrays ``(S, m, ...)``. Each kind of elementary
-motion is a class here; everything else follows from their order.
+Coordinates of S states are arrays ``(S, nq + 1)`` with a zero at the end. Quantities of m joints of one type are arrays
+``(S, m, ...)``. Each kind of elementary motion is a class here; everything else follows from their order.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class Chain:
     Attributes
     ----------
     altered : list of int
-        Steps whose screws later ones change, see `changed`.
+        Steps whose screws are changed by later steps, see `changed`.
     turns : bool
         Whether the body rotates relative to its parent.
     """
@@ -175,7 +175,7 @@ class Chain:
         return R, d
 
     def screws(self, q: Array) -> list[tuple[Array | None, Array | None]]:
-        """Unit screws w, v ``(S, m, f, 3)`` about the child's origin of the steps that later ones change; None for zero.
+        """Unit screws w, v ``(S, m, f, 3)``, about the child's origin, of the steps in `altered`; None for zero.
 
         The screw of a step is transformed by all motions that follow it.
         """

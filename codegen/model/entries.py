@@ -24,7 +24,7 @@ RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
 
 
 class Misread:
-    """Replaces a value of another program that could not be read.
+    """Placeholder for a value that could not be converted from an object of another program, such as sympy.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
     if not isinstance(value, str):
         raise complaint(f"{shown(value)}; a name is needed")
     if not prefix and value in RESERVED:
-        return ("name", value)  # the parser takes "pi" as a number; the use of the name shows whether it exists
+        return ("name", value)  # not parsed, as "pi" would become a number; later checks report unknown names
     try:
         tree = parse(prefix + value).tree
     except ExpressionError:
@@ -141,7 +141,7 @@ def list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
 
 
 def written(value: Any, handler: Callable[[Any], Any]) -> Any:
-    """For optional keys: an empty value is an error."""
+    """Validator of an optional key: an empty value is an error."""
     if value is None:
         raise complaint("there is nothing after the colon; write a value, or leave the key out")
     return handler(value)
@@ -182,7 +182,7 @@ class Entry(BaseModel):
     placeholders : dict of str to Any
         Replacements of required values that are missing or wrong.
     misspelt : dict of str to str
-        From wrong keys to the correct ones.
+        The correct key for each of some wrong keys.
     """
 
     placeholders: ClassVar[dict[str, Any]] = {}

@@ -227,7 +227,7 @@ class Cylindrical(JointType):
 
 
 class Planar(JointType):
-    """Translation along two axes across a normal (x and y if that is z), and rotation about the normal.
+    """Translation along two axes across a normal (x and y if the normal is z), and rotation about the normal.
 
     As a loop joint: the normals are parallel, and the origin of `end` lies in the plane through the origin of `start`.
     """

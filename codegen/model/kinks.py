@@ -81,7 +81,8 @@ def find_kink(value: Expression, parameters: Mapping[str, float], inputs: frozen
 def _switched_by(
     s: Tree, at: Mapping[str, Any], inputs: Mapping[str, list[float]], name: str, rng: np.random.Generator
 ) -> Iterator[tuple[Known, np.ndarray]]:
-    """Times at which an input makes a switching function zero, and all values around these times."""
+    """Yields pairs: a function that returns the values of all names at given times, and the time at which the input
+    makes the switching function zero."""
     values = np.concatenate([-np.logspace(3, -3, 300), [0.0], np.logspace(-3, 3, 300)])
     for begin in rng.uniform(0.1, 2.0, 4).tolist():
         for x in changes(_of_input(s, {**at, "t": (np.float64(begin), 1.0)}, name), values, MOST_TIMES):
@@ -101,5 +102,5 @@ def _switched_by(
 
 
 def _of_input(s: Tree, at: Mapping[str, Any], name: str) -> Callable[[np.ndarray], np.ndarray]:
-    """A switching function as one of the values of an input."""
+    """The values of a switching function for values of one input."""
     return lambda x: evaluated(s, {**at, name: (x, 0.0)}, x.shape)[0]

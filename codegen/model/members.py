@@ -227,11 +227,11 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones.
 
     The directions of both are fixed in the start face, in the following order. Let a be the joint's (first) axis. If a
-    is along one of the face's axes x, y, z, the directions are these axes; two of them are reversed if a is along the
-    opposite. Otherwise the directions are t1, t2 and a: t1 along e x a, t2 = a x t1, and e the base vector most nearly
-    perpendicular to a. If a joint has no condition along its axis, the other two directions follow in cyclic order: y,
-    z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``. The conditions on a point are its equations,
-    each along its gradient.
+    is along one of the face's axes x, y, z, the directions are these axes. If a points in the negative direction of one
+    of them, that direction and one other are reversed. For any other a, the directions are t1, t2 and a: t1 is along
+    e x a, with e the base vector most nearly perpendicular to a, and t2 = a x t1. If a joint has no condition along its
+    axis, the other two directions follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has
+    ``name.q``. The conditions on a point are its equations, each along its gradient.
     """
     if loop.is_coupling:
         return (f"{loop.name}.q",)

@@ -262,8 +262,8 @@ class Model:
     def with_turned(self, loops: Collection[int]) -> Model:
         """Return the model with ``from`` and ``to`` of some loops exchanged.
 
-        Their conditions are then along the axes of ``to``. Only joints that hold all three displacements between the
-        faces stay the same joint.
+        Their conditions are then along the axes of ``to``. Only a joint with three linear conditions remains the same
+        joint; other joints then constrain the motion differently.
 
         Parameters
         ----------

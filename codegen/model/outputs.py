@@ -90,7 +90,7 @@ class Measure:
     keys : dict of str to type
         Keys of its mapping; the first is its name. Without keys an entry is its name alone.
     hints : dict of str to str
-        For keys that are required besides the first: what to add.
+        For each key that is required besides the first: the value to add, for messages.
     unit : str
         Empty if it has none, or if the unit is not known.
     """
@@ -107,7 +107,7 @@ class Measure:
 
     @classmethod
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
-        """The output of an entry (None for one without keys); None after an error."""
+        """The output that an entry describes; None after an error. `entry` is None for a type without keys."""
         return Output(x.name, cls.name)
 
     @classmethod

@@ -1,9 +1,9 @@
 """The files of a model: its own, those that it includes, and one for each submodel.
 
 An included file is read as if it were written in the file that includes it. A submodel is a further use of a file: its
-names have a prefix, and its ground is a frame on a body of the model that uses it. That model may give values for its
-constants, parameters and inputs. The names in entries of such files are resolved here; everything else reads entries
-without knowing about files.
+names have a prefix, and its ground is a frame on a body of the model that uses it. The using model may give values for
+constants, parameters and inputs of the submodel. The names in entries of such files are resolved here; all other
+modules read entries without knowing about files.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .trees import mapped, parts
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
-"""Largest number of uses of files in a model; these are read within seconds."""
+"""Largest number of uses of files in a model; this many are read within seconds."""
 
 
 @dataclass(slots=True)
@@ -93,7 +93,7 @@ class Part:
     ground : str
         The name of that body, or of the ground.
     constants : dict of str to number
-        Also the labels of repetitions; an included file has those of the file that includes it.
+        Also the labels of repetitions. An included file shares the constants of the file that includes it.
     given : dict of str to Given
         Numbers of a submodel that the model gives, by their names in the submodel.
     values : dict of str to tuple

@@ -20,7 +20,7 @@ from .file_bytes import read_bytes
 
 MAX_BYTES: Final = 8 * 2**20
 MAX_VALUES: Final = 1_000_000
-"""Largest number of values in a file; these are read within seconds."""
+"""Largest number of values in a file; this many are read within seconds."""
 MAX_DEPTH: Final = 60
 MAX_NOTES: Final = 200
 ALIAS_ALLOWANCE: Final = 100_000
@@ -322,7 +322,7 @@ class _Composer:
         if not frame.is_open or (not event.value and isinstance(frame.data, dict)):
             if not frame.is_open:
                 frame.cut_at = None
-            return not event.value  # the missing value of a text that was taken as a key
+            return not event.value  # an empty value: YAML has taken the text before it as a key
         frame.cut += f", {event.value}"
         key: Any = len(frame.data) - 1 if isinstance(frame.data, list) else frame.key
         frame.data[key] = frame.cut

@@ -25,8 +25,8 @@ class Problems:
     ----------
     problems : list of Problem
     errors : int
-        Number of errors found, including those of repeated entries that are reported only once. If this number has not
-        changed, the entries that were read are correct.
+        Number of errors found, including those of repeated entries that are reported only once. If reading entries has
+        not changed this number, they are correct.
     """
 
     def __init__(self, document: Document) -> None:

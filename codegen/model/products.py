@@ -1,4 +1,4 @@
-"""Products of expressions as powers of bases, so that powers of the same base can be combined; see `slopes`."""
+"""Products of expressions, written as products of powers so that powers of the same base are combined; see `slopes`."""
 
 from __future__ import annotations
 
@@ -88,11 +88,11 @@ class Product:
     ----------
     number : Tree
     powers : dict of Tree to Tree
-        Exponents by base, which is a tree or the key of a norm.
+        Exponents by base, which is a tree, or the key of a norm or of an absolute value.
     choices : list of Tree
         Factors with branches.
     merges : bool
-        Whether combined powers include one that may be infinite.
+        Whether powers of the same base were combined, at least one of which may be infinite.
     """
 
     __slots__ = ("choices", "merges", "number", "powers")
@@ -195,7 +195,7 @@ class Product:
 
     @property
     def may_be_infinite(self) -> bool:
-        """Whether an exponent may be negative, or a power is a logarithm."""
+        """Whether an exponent may be negative, or a base is a logarithm."""
         return any(_may_be_negative(e) or k[:2] == ("call", "log") for k, e in self.powers.items())
 
     @property
@@ -282,7 +282,7 @@ def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
 
 
 def _take(powers: dict[Tree, Tree], x: Tree) -> bool:
-    """Whether a tree is a factor of a product of powers, up to a number; if so, it is removed."""
+    """Whether a tree, up to a numerical factor, is a factor of a product of powers; if so, it is removed from them."""
     of = Product().times(x)
     have = [(key, e, powers.get(key, ZERO)) for key, e in of.powers.items() if key[0] != "number"]
     if not have or of.choices or not all(e[0] == n[0] == "number" and n[1] >= e[1] > 0 for _, e, n in have):

@@ -88,7 +88,7 @@ def _of_call(value: Expression, of: list[Expression], d: list[Expression]) -> Ex
     function = value.tree[1]
     if function == AT_LEAST or all(x is ZERO for x in d):
         return ZERO
-    if function in ("min", "max"):  # of equal arguments the derivative of the first one
+    if function in ("min", "max"):  # where both arguments are equal: the derivative of the first
         (a, b), (da, db) = of, d
         first = made(AT_LEAST, a, b) if function == "max" else made(AT_LEAST, b, a)
         return first * da + (1 - first) * db

@@ -37,7 +37,7 @@ _VECTOR: Final = TypeAdapter(entries.Vector)
 
 
 SWITCHED = ("expressions", "forces", "outputs")
-"""Sections whose expressions may change branches; motions locate the changes where the expressions are used."""
+"""Sections whose expressions may change branches without a warning, because motions locate these changes."""
 
 
 class Reader(Problems):

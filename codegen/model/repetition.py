@@ -20,7 +20,7 @@ from .parts import Instance, Part
 from .positions import Path_, shortened, show_path
 
 MAX_REPETITIONS: Final = 400_000
-"""Largest number of repeated entries of a model; these are read within seconds."""
+"""Largest number of repeated entries of a model; this many are read within seconds."""
 
 _HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
 _LABEL = re.compile(r"[A-Za-z0-9_]+")
@@ -93,7 +93,7 @@ class Repetition:
     def _variant(
         self, container: dict[str, Any], key: str, first: bool, last: bool, path: Path_
     ) -> tuple[Any, dict[str, Any]]:
-        """An entry with its ``first`` and ``last`` keys applied, and a container with its places."""
+        """An entry with its ``first`` and ``last`` keys applied, and a copy of its container with this entry."""
         value = container[key]
         first, last = first and "first" in value, last and "last" in value
         known = self._variants.get((id(value), first, last))

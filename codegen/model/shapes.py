@@ -79,7 +79,7 @@ def _about_axis(axis: Vector, along: Expression, across: Expression) -> Inertia:
 
     def entry(i: int, j: int) -> Expression:
         share = axis[i] * axis[j] / square
-        # on the diagonal in a form in which a share of 0 or 1 leaves one moment alone
+        # on the diagonal, in this form, only one of the two moments remains if the share is 0 or 1
         return along * share + across * (1 - share) if i == j else (along - across) * share
 
     xx, yy, zz, xy, xz, yz = (entry(i, j) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))

@@ -161,8 +161,8 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
 def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -> Tree:
     """The derivative of a power of a product, times other factors; the product is not split, as its factors may be negative.
 
-    Where the varying factor is not zero, the power is divided by it. Where another factor is zero, the derivative is
-    zero. Otherwise the exponent is one less.
+    Where the varying factor is not zero, the derivative contains the power divided by this factor. Where another factor
+    is zero, the derivative is zero. Otherwise the exponent is reduced by one.
     """
     total = ZERO
     inside = Product().times(key)

@@ -27,10 +27,10 @@ HIGHEST = 3
 
 
 RATES: Final = 1
-"""The bit of rates: forces, prescribed motion or the surfaces of loops contain steep functions."""
+"""Bit in the result of `steep_functions`: forces, prescribed motion or surfaces of loops contain steep functions."""
 
 OUTPUTS: Final = 2
-"""The bit of outputs, which may be integrated."""
+"""Bit in the result of `steep_functions`: outputs, which may be integrated, contain steep functions."""
 
 
 def steep_functions(model: Model) -> int:

@@ -1,4 +1,4 @@
-"""Switching functions: zeros at which expressions of a model change their branch.
+"""Switching functions: functions at whose zeros expressions of a model change their branch.
 
 Examples are a comparison, a sign, an absolute value, the larger or smaller of two numbers, and `atan2` at half a turn. Each is
 smooth except where a *switching function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function
@@ -41,9 +41,9 @@ BRANCHES: Final = (AT_LEAST, *named("name", lambda e: e.branches))
 """Functions of the grammar that have branches."""
 
 PARTLY_DEFINED: Final = named("name", lambda e: e.domain is not None)
-"""Functions with a bounded domain. Switches in the argument are held if the argument is inside the domain where its
-branch changes. Otherwise the held branch has no value or an infinite slope there, as in ``sqrt(max(0, x))``; such
-switches are only located."""
+"""Functions with a bounded domain. A switch in the argument is held if the argument is inside the domain when the
+branch changes. Otherwise the held branch would have no value or an infinite slope there, as in ``sqrt(max(0, x))``;
+such a switch is only located."""
 
 
 def switching(function: str, arguments: Sequence[Tree]) -> Tree | None:

@@ -114,7 +114,7 @@ class _Output:
         values = [self.value(a) for a in arguments]
         if name == VANISHING:
             return values[0] * values[1]
-        if name in ("mod", WRAPPED):  # sympy prints products of its own Mod in code as remainders of the product
+        if name in ("mod", WRAPPED):  # sympy would print a product with its Mod as a remainder of the product
             return values[0] - values[1] * sympy.floor(values[0] / values[1])
         function = getattr(sympy, TABLE[name].spelled("sympy"))
         # comparing these arguments may take sympy minutes

@@ -1,7 +1,8 @@
 """The types of force elements, one file each.
 
-A law along the line between two points is a file in `line_laws`, and nothing else. Any other type needs an entry here, the
-element that it makes, and a place in this list; `reference.forces` and the generator implement it.
+A law along the line between two points needs one file in `line_laws`, and nothing else. Any other type needs a class of
+entries, a class of the elements that they make, and a place in `FORCES`. `reference.forces` and the generator implement
+it.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def told_apart(*entries: type[ForceEntry]) -> tuple[type[ForceEntry], ...]:
     Raises
     ------
     LineLawError
-        If two have the same type; the type of a law in `line_laws` is already used.
+        If two have the same type: that of a law in `line_laws` is already used.
     """
     words: set[str] = set()
     for entry in entries:

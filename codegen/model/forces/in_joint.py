@@ -21,7 +21,7 @@ from .force_element import ForceElement, ForceEntry
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLoad(ForceElement):
-    """A force through the origin of a body and a torque that have the power of generalised forces on its joint.
+    """A force through the origin of a body, and a torque on it, equivalent to generalised forces on the body's joint.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ def along_freedoms(
     for m in motion:
         if isinstance(m, Turn | Slide):
             if isinstance(m, Slide) and m.index in turning:
-                continue  # in a screw joint the torque alone has the power
+                continue  # in a screw joint, the torque alone does the work of the generalised force
             is_turn = isinstance(m, Turn)
             add(6 * turned + 3 * (not is_turn), _unit(axes[m.axis]), values[m.index])
             turned = turned or is_turn
@@ -228,7 +228,7 @@ class LimitEntry(InJointEntry):
         k, c, width = numbers["stiffness"], numbers["damping"], numbers["width"]
         value = ZERO
         for sign, way in ways:
-            # the integral of the smooth start: s^2 / (2 width) up to the width, then linear
+            # the stiffness grows linearly up to the width: the force is s^2 / (2 width) there, then linear
             beyond = made("max", 0, way)
             s = made("min", beyond, width)
             push = k * (s**2 / (2 * width) + (beyond - s))

@@ -75,7 +75,7 @@ class LineLaw:
         Potential energy, J, as an expression of the distance and the coefficients. At rate 0 the force is minus the
         derivative of the energy with respect to the distance. Empty: the law has no energy.
     misspelt : dict of str to str
-        From wrong keys to the correct ones.
+        The correct key for each of some wrong keys.
     other_words : tuple of str
         Other names of the type.
     formula, potential : Expression

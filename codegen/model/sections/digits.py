@@ -62,7 +62,7 @@ def cut_twelfths(value: float) -> int:
 
 
 def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
-    """Warn of an axis perpendicular to a base vector whose angle in that plane is a rounded multiple of pi/12."""
+    """Warn of an axis in a coordinate plane if its angle in this plane is a rounded multiple of pi/12."""
     values = [_number(e) for e in axis]
     numbers = [v for v in values if v is not None]
     plane = [i for i, v in enumerate(numbers) if v != 0]
