@@ -22,10 +22,10 @@ ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Names of seeds, in the order of the arguments."""
 
 INCONSISTENT = 1e-6
-"""Fraction of the speeds or seeds above which a warning reports the residual of a redundant condition."""
+"""A warning reports the residual of a redundant condition if it exceeds this fraction of the speeds or seeds."""
 
 ALLOWED = 10.0
-"""Largest residual of a dropped condition, in multiples of the model's tolerance, per unit of speeds or seeds."""
+"""The same for a dropped condition, as a multiple of the model's tolerance."""
 
 SMALLEST_QUATERNION = 1e-6
 """Smallest norm of a quaternion that defines a rotation accurately."""
@@ -252,8 +252,8 @@ class Arguments(ABC):
         return kept
 
     def _check_redundant(self, state: State) -> None:
-        """Warns if a condition beyond the rank does not hold: along a direction that violates it, no derivative
-        exists."""
+        """Warns if a redundant condition, which the dependent speeds cannot satisfy, does not hold. Along a direction
+        that violates it, no derivative exists."""
         position, velocity = self._closure(state)
         names, seeds = self.model.closure_names, [x.tangent for x in state.pairs.environment.values()]
         allowed = np.full(len(names), INCONSISTENT)
@@ -283,7 +283,7 @@ class Arguments(ABC):
 
     @abstractmethod
     def _closed_speeds(self, state: State) -> Pair:
-        """The dependent speeds in order, (r, 1), from velocity closure with the independent speeds of the state."""
+        """The dependent speeds, in the order of `dependent`, (r, 1), from velocity closure at the state."""
 
     @abstractmethod
     def _coordinate_rates(self, state: State) -> Pair:

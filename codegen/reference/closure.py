@@ -27,8 +27,8 @@ antisymmetric parts of the relative rotation if it is fully constrained. Their r
 hold even if the loop is open in other conditions.
 
 Derivatives. E dx = db - dE x is solved with the left inverse at the state. This differentiates a mechanism that satisfies, ear by
-ear, the combinations of conditions that its dependent speeds can satisfy here (docs, 4.7). On consistent seeds, these are all
-conditions.
+ear, the combinations of conditions that its dependent speeds can satisfy here (docs, 4.7). On consistent seeds, they are
+equivalent to all conditions.
 """
 
 from __future__ import annotations

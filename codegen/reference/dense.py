@@ -57,7 +57,7 @@ class DenseEngine(Engine):
     def _constrained(self, state: State, subset: bool = False) -> tuple[Pair, Pair]:
         """udot, (nu, 1), and the multipliers of all conditions, (m, 1): Eqs. 4 to 9.
 
-        With `subset`, only as many conditions as dependent speeds have multipliers.
+        With `subset`, only a subset of the conditions has multipliers, as many as there are dependent speeds.
         """
         pairs, nu = state.pairs, self.model.nu
         M, K = self._mass_matrix(state), self._right_side(state)
@@ -177,8 +177,8 @@ class DenseEngine(Engine):
         return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
     def _reactions(self, state: State, given: bool = True) -> Pair:
-        """Wrenches on the bodies that the file calls ``to``; if not `given`, on the bodies that the engine takes as
-        ends."""
+        """Wrenches on the bodies that the file calls ``to``; if not `given`, on those of `Loop.end`, which are others
+        in turned loops."""
         pairs = state.pairs
         if not self.model.loops:
             return pairs.zeros(0, 6)

@@ -92,13 +92,13 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     Raises
     ------
     ValueError
-        If none of the ear's loops contains a dependent speed.
+        If none of the ear's loops passes the joint of one of its dependent speeds.
     """
     moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
-        # Coupled bodies are resolved together. As ends of an ear, they would again be separated by large inertias that
-        # cancel.
+        # Coupled bodies are resolved together. If some of them were ends of the ear instead, large inertias would
+        # cancel in the elimination.
         if isinstance(loop, Coupling):
             found += [term.body for term in loop.terms if term.body not in found]
         for branch in _branches(model, loop.start.body, loop.end.body):

@@ -1,7 +1,7 @@
 """Embedding and triangularization with loops, Eqs. 39 to 60: inertias and forces of ears are propagated inward, udot outward.
 
-A group's members (see `ears`) move with the bodies it ends on, A_x, and with the accelerations y of its independent
-speeds. With z = (A_x ..., y, 1)
+The accelerations A_j of a group's members (see `ears`) depend on the accelerations A_x of the group's ends, and on the
+accelerations y of its independent speeds. With z = (A_x ..., y, 1)
 
     A_j = H_j z,    H_j = [ Gamma_j^x ... | N_j | Xi_j A_t ]          (Eq. 31; the dependent udot are Y z)
 

@@ -214,7 +214,8 @@ class TorsionLaw(Law[Torsion]):
         a = pairs.unit(pairs.vector(element.about))
         C = start.R.mT @ end.R
         K = pairs.skew(a)
-        # d tr(C X) = tr([d] C X), a sine with X = -[a] and a cosine with X = 1 - a a^T, both times two
+        # tr(C X) is a common factor times the sine of the angle for X = -[a], times the cosine for X = 1 - a a^T;
+        # d tr(C X) = tr([d] C X)
         sine, sine_slope = _trace(pairs, C, -K)
         cosine, cosine_slope = _trace(pairs, C, -(K @ K))
         square = sine * sine + cosine * cosine
@@ -310,7 +311,8 @@ class BushingLaw(Law[Bushing]):
             length = pairs.call("sqrt", squared)
             return two * pairs.call("atan2", length, w) / length
 
-        # limits at zero; there the factors of the slope vanish to second order
+        # at e = 0, F and its slope have these limits; the slope's own derivative has no effect, since the slope is
+        # multiplied by terms of second order in e
         F = pairs.where_zero(squared, lambda: two, factor)
         slope = pairs.where_zero(squared, lambda: pairs.number(-4) / pairs.number(3), lambda: (F * w - two) / squared)
         return e * F, (w, e, F, slope)

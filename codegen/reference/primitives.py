@@ -16,7 +16,7 @@ from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .pairs import Pair, Pairs
 
 HALF_TURN = 1e-12
-"""Squared cosine below which rates do not determine the speeds."""
+"""Limit of 4 cos(t/2)^2 below which a rotation by t counts as half a turn."""
 
 
 @dataclass(slots=True)
