@@ -28,12 +28,12 @@ class ImportedBody:
     inertia : Inertia
         Mass properties of all links of the body together, in the body's frame.
     merged : list of (Link, Placement)
-        The other links, and the frames that are used for them in the body.
+        The other links, each with the pose of its frame (not the file's, see `Link.origin`) in the body.
     words : set of str
         The numbers of the body that become parameters.
     comments : list of str
     tolerated : bool
-        Whether the body's inertia is physically impossible and kept.
+        Whether the body's inertia is physically impossible but kept.
     """
 
     link: Link

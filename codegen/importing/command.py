@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
-    """Read the robot and make the model; also the path of the model file, or None if it is to be printed.
+    """Read the robot and make the model. Returns the import, and the model file or None if it is printed.
 
     Raises
     ------

@@ -165,8 +165,9 @@ class PassiveForces:
                 self.robot.terms.append(JointTerm(joint, f"min(max({text}, {low}), {high})", of))
 
     def clamp_tendon(self, t: int, pulls: list[Pull]) -> None:
-        """Add the actuator forces of a tendon that limits the sum of these forces (without gears). MuJoCo scales all
-        forces by the same factor. The result is the clamped sum only if all gears are equal.
+        """Add the actuator forces of a tendon that limits their sum. The limit applies to the forces before they are
+        multiplied by the gears. MuJoCo scales all forces by the same factor, which gives the clamped sum only if all
+        gears are equal.
         """
         model = self.model
         if len({pull.gear for pull in pulls}) > 1:

@@ -132,7 +132,7 @@ def to_rpy(rotation: Array) -> Three:
     roll = math.atan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
     one = _whole(roll), _whole(pitch), _whole(yaw)
     other = tuple(_whole(a - math.copysign(math.pi, a)) for a in one)
-    other = other[0], -other[1], other[2]  # equivalent: roll and yaw half a turn on, pitch's supplement
+    other = other[0], -other[1], other[2]  # the same rotation, with roll and yaw changed by half a turn
     return min(one, other, key=lambda angles: sum(map(abs, angles)))
 
 

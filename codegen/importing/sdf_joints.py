@@ -51,7 +51,7 @@ class SdfJoint:
     laws : tuple of Law
         The law of each axis.
     cut : str
-        For a joint outside the robot's model: prefix of the names outside, which the robot's own names do not have.
+        For a joint outside the robot's model: prefix of the robot's names there; inside, they lack it. Otherwise empty.
     """
 
     name: str
@@ -87,7 +87,7 @@ class JointReader(PartReader):
         path : str
             Path of the scope.
         cut : str
-            Prefix of the names in this scope, which the robot's own names do not have.
+            Prefix of the robot's names in this scope that is removed, see `SdfJoint.cut`.
         """
         reader, element = self.reader, item.element
         reader.leave_out_children(element, _JOINT, _REMARKS)

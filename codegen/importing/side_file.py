@@ -46,7 +46,7 @@ class SideFile:
 
 
 def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
-    """Read a side file. Links have their names in the robot's file or in the model; coordinates also that of their joint.
+    """Read a side file. It names links as in the robot's file or in the model, and coordinates by their link or joint.
 
     Raises
     ------
@@ -125,8 +125,8 @@ def _rename_coordinates(document: Document, new: Mapping[str, str]) -> list[Prob
 
 
 def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
-    """A coordinate by its name in the model. The file may name a link of the robot's file before the number, as in
-    ``arm.1``."""
+    """The name of a coordinate in the model. In the side file, the part before the point may be the name of a link or
+    joint in the robot's file, as in ``arm.1``."""
     if not isinstance(name, str) or name in new:
         return new.get(name, name)
     stem, dot, part = name.rpartition(".")

@@ -63,7 +63,8 @@ def _depends_on(found: SympySystem, values: Sequence[Any], used: Sequence[Any]) 
 
 
 def _fitted(frame: Frame, constraint: Any, used: Sequence[Any], place: Sequence[Any], turned: Any) -> Closure | None:
-    """The closure of a point of a body that equals a constraint; None if there is none. Numbers and symbols must agree."""
+    """The closure of a point of a body that equals a constraint; None if there is none.
+    The equality and the symbolic solution are checked at random samples."""
     import sympy
 
     free = sorted({x for e in (constraint, *place, *turned) for x in e.free_symbols}, key=str)

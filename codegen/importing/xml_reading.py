@@ -145,9 +145,9 @@ def parse_xml(data: bytes | str, file: str) -> Element:
 
 
 def _tolerated(data: bytes) -> tuple[bytes, str | None]:
-    """The text without two faults that only a strict parser rejects, with every byte in its place; and the removed encoding.
+    """The text without the two faults that are tolerated, and the encoding of a declaration that was removed.
 
-    Comments are replaced by blanks, and so is a declaration that is not at the beginning.
+    Comments, and a declaration that is not at the beginning, are replaced by blanks: all other bytes keep their places.
     """
     if b"\0" in data[:4] or data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data, None  # encodings with two or four bytes per character

@@ -237,7 +237,7 @@ class RobotReader(Values, ABC):
         return ""
 
     def hex_color(self, text: str, material: Element) -> str:
-        """Colour of a material, as `hex_color`; a material without one is listed as left out."""
+        """The colour of a material, by the function `hex_color`; an invalid one is listed as left out."""
         color = hex_color(text)
         if not color:
             name = material.attributes.get("name", "")
