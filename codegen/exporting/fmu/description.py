@@ -102,7 +102,7 @@ def _known(of: Contents, number_of: int, shift: int) -> dict[str, str]:
 
 
 def _entry(number_of: int, x: Variable) -> dict[str, str]:
-    """The attributes of a variable: what it is."""
+    """The attributes of a variable that are not numbers: name, value reference, causality, variability, ``initial``."""
     found = {"name": x.name, "valueReference": str(number_of), "causality": x.causality}
     found["variability"] = "tunable" if x.kind == "parameter" else "continuous"
     return found | ({"initial": x.initial} if x.initial is not None and x.kind != "input" else {})

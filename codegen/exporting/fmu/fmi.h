@@ -1,7 +1,7 @@
-/* What both versions of the standard have: fmi2.c and fmi3.c define NAME(name), the name of a function, the words below, and the types
- * `boolean` and `byte`, then include this file. Declarations follow the standard, whose header files are not needed.
+/* Functions that both versions of the standard have. fmi2.c and fmi3.c define NAME(name), the name of a function, the words below, and the
+ * types `boolean` and `byte`, then include this file. Declarations follow the standard, whose header files are not needed.
  *
- * TOKEN_NAME   what identifies the FMU, for messages
+ * TOKEN_NAME   the standard's term for the text that identifies the FMU, for messages
  * COUNT        last parameter of functions of variables
  * STATE        FMUstate or FMUState
  * DESERIALIZE  name of the function that reads a saved state

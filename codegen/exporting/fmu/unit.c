@@ -36,7 +36,7 @@ int unit_say(unit *x, int status, const char *format, ...)
     return status;
 }
 
-/* Refuses null pointers where n entries are expected; `other` belongs to the same call. */
+/* Refuses null pointers where n entries are expected; the pointer `other`, to an array of the same call, is checked too. */
 int unit_has(unit *x, size_t n, const void *one, const void *other)
 {
     return !n || (one && other) ? UNIT_OK : unit_say(x, UNIT_ERROR, "an array of %zu entries is a null pointer", n);
@@ -111,7 +111,8 @@ void unit_free(unit *x)
     free(x);
 }
 
-/* Length of the polynomials of inputs of prescribed motion: at least h, and not so short that differences of control points cancel. */
+/* Duration of the polynomials that continue inputs of prescribed motion: at least h, and not so short that differences of control points
+ * cancel. */
 static scalar length_of_inputs(const unit *x, scalar h)
 {
     const ordernm_system *const s = x->system;
@@ -223,8 +224,8 @@ int unit_in(unit *x, const char *call, unsigned modes)
     return unit_say(x, UNIT_ERROR, "%s must not be called in the state %s", call, names[mode]);
 }
 
-/* A function whose sign changes at an event, and the derivative of this function by the switching function. For an angle, the event is at
- * half a turn. */
+/* A function whose sign changes at an event; `slope` is its derivative with respect to the switching function. For an angle, the event is
+ * at half a turn. */
 scalar unit_indicator(const unit *x, int i, scalar *slope)
 {
     const int k = x->model->indicators[i];

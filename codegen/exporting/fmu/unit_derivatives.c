@@ -7,7 +7,7 @@
 static const char NOT_KNOWN[] = "there are no derivatives with respect to %s, only with respect to independent coordinates and speeds, "
                                 "parameters, inputs and time";
 
-/* The place of a known variable among seeds by q, u, p, inputs, t; 0 if it is none. */
+/* The entry of a variable in the arrays `of`, one for each of q, u, p, inputs, t; null if there are no derivatives with respect to it. */
 static scalar *place_of(const unit *x, unsigned variable, scalar *const *of)
 {
     int k, found = 0;
@@ -60,8 +60,8 @@ static int differentiate(unit *x, ordernm_call *c, unsigned kinds)
     return 0;
 }
 
-/* The place of an unknown among derivatives, or weights, of rates, outputs, coordinates, speeds and switching functions; and the factor of
- * the derivative at this place. */
+/* The entry of an unknown in the arrays of derivatives, or of weights. The derivative of the unknown is this entry times `factor`, which
+ * differs from one for event indicators of angles. */
 static scalar *unknown_of(const unit *x, unsigned variable, scalar *factor)
 {
     const ordernm_system *const s = x->system;

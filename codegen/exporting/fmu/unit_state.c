@@ -5,7 +5,8 @@
 #include <string.h>
 
 /* Limits of a step in which Newton's method follows a mechanism: the largest change of independent coordinates and prescribed inputs (rad
- * or m) and of parameters (relative); the largest change of dependent coordinates; and the largest number of steps. */
+ * or m) and of parameters (relative); the largest change of dependent coordinates; the largest number of steps, and of halvings of a
+ * step. */
 static const scalar AT_ONCE = 0.1, FAR = 0.5;
 enum { MOST_STEPS = 1000, MOST_HALVES = 12 };
 
@@ -23,7 +24,7 @@ int unit_failed(unit *x, int status)
                     "direction", *x->t, status >= 1 && status <= known ? x->model->singular[status - 1] : "the model");
 }
 
-/* Arguments between the last closed state and the current one. */
+/* Stores in x->way the arguments at a fraction of the way from the last closed state to the current one. */
 static void take_way(unit *x, scalar part)
 {
     const ordernm_system *const s = x->system;
@@ -52,7 +53,7 @@ static void arguments(unit *x, ordernm_call *c)
     c->inputs = x->way + 1 + x->nfq + x->np;
 }
 
-/* Closes the loops at a part of the way. Fails if the state is far from the last one, because the step may have left the branch. */
+/* Closes the loops at a fraction of the way. Fails if the state is far from the last one, because the step may have left the branch. */
 static int close_at(unit *x, scalar part, ordernm_call *c)
 {
     const ordernm_motion *const m = x->motion;
