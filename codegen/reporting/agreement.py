@@ -188,8 +188,8 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
-    """Differences between the errors at states and directions that both reports have; the time of the reference limits
-    their number."""
+    """Differences between the errors at states and directions that both reports have. One may have more than the other,
+    because the time of the reference is limited."""
     a, b = ({e["state"]: e for e in x.get("errors") or []} for x in (one, other))
     for state in (s for s in a if s in b):
         for key in (k for k in a[state] if k in b[state]):

@@ -224,7 +224,7 @@ def _at_state(
 
 
 def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
-    """Values of the parameters; 1 for random directions."""
+    """The value of the parameter that belongs to each direction; 1 for random directions."""
     at = {name: float(x) for name, x in zip(model.parameter_names, solver.parameters, strict=True)}
     return np.array([at.get(name, 1.0) for name in names])
 

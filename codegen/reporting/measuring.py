@@ -132,7 +132,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         }
         apart = build_apart(made.folder, model.name, "precise")
         with ThreadPoolExecutor(1) as meanwhile:
-            # a motion of loops may reach poses that need long double; one core is idle during the measurement of states
+            # a motion with loops may need the code in long double; it is compiled here, because one core is idle
             precise = meanwhile.submit(apart.library) if model.loops and apart.exists() else None
             found = _at_states(model, solver, request, data, skipped, progress)
         if precise:

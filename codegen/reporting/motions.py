@@ -83,7 +83,7 @@ def motions(
     Parameters
     ----------
     remade : callable
-        Returns a solver with a number of choices of independent coordinates, for motions through dead points.
+        Returns a solver with the given number of choices of independent coordinates, for motions through dead points.
     core : Core
         Fixed work that is timed beside motions.
 

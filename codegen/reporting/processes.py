@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PROCESSES = 5
 
 LONG = 0.2
-"""Seconds above which a motion is timed only once, by the first process."""
+"""Total seconds of a motion's turns after which no further process times this motion."""
 
 
 class ProcessError(Failure, RuntimeError):
@@ -53,7 +53,7 @@ def timed(
     moving : Path
         Folder of the package that is integrated.
     settings : sequence of (Setting, Turn)
-        Settings of the motions, with the time of each in this process.
+        Settings of the motions, each with its time in the calling process, which counts as its first turn.
     progress : callable, optional
         Called with the number of finished processes and their total number.
 
