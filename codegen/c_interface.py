@@ -159,7 +159,7 @@ def _as_markdown(text: str) -> str:
 
 
 def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
-    """The noun for the loops of a model; a model with couplings has "loops and couplings"."""
+    """The noun for the loops of a model with couplings: "coupling" if all of them are couplings."""
     return "coupling" if len(manifest["couplings"]) == len(manifest["loops"]) else "loop or coupling"
 
 

@@ -47,7 +47,7 @@ def read(file: str, status: StatusLine) -> Model | Path:
 def solver_of(
     model: Model | Path, status: StatusLine, partitions: int = 1, frames: bool = False, reactions: bool = False
 ) -> Iterator[Solver]:
-    """The solver of a generated package, or of a model, for which it is generated into the cache or reused.
+    """Yields the solver of a generated package, or of a model; the latter is generated into the cache, or reused from it.
 
     Without a cache that is safe from other users, a temporary folder is used.
     """
@@ -88,8 +88,8 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int, f
 
 
 def _cached(model: Model, partitions: int, frames: bool, reactions: bool) -> Path | None:
-    """The cache folder for the package of a model; None if there is no cache: with a warning, unless the user has no
-    home directory.
+    """The cache folder for the package of a model, or None if there is no cache. A warning gives the reason, unless the
+    user has no home directory.
 
     The folder's name contains a digest of everything that affects the package: the model's files as read, the generator, the
     versions of Python packages, and the options. Names of compiled libraries contain flags, compiler and processor.

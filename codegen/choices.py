@@ -1,4 +1,4 @@
-"""Finds the number of partitions that a motion needs; it is one, until the motion meets a dead point."""
+"""Finds the number of partitions that a motion needs: one, unless the motion meets a dead point."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ PARTITIONS = (2, 4)
 
 
 def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | None:
-    """The number of partitions that may continue a motion; None if it did not end at a dead point, or there are no more.
+    """The number of partitions with which a motion may continue; None if the motion did not end at a dead point, or if
+    no larger number is allowed.
 
     Parameters
     ----------
     solver : Solver
         A solver generated with `held` partitions.
     trajectory : Trajectory
-        Its motion.
+        The motion that this solver computed.
     """
     if not _met_dead_point(trajectory) or len(solver.partitions) < held:
         return None

@@ -102,7 +102,7 @@ def _wrong(error: Any) -> None:
 
 
 def _explain(error: BaseException) -> None:
-    """Prints the address of the section that explains an error, if it has one."""
+    """Prints the address of the section that explains an error, if there is such a section."""
     from .explanations import explanation
 
     if line := explanation(error):

@@ -46,7 +46,7 @@ class CompilingAhead:
         Parameters
         ----------
         files : mapping of str to str
-            All generated C files; other files are ignored.
+            Generated files; only C files are compiled.
         manifest : mapping
             See `codegen.manifest.manifest`.
         """

@@ -14,7 +14,7 @@ from .runtime.standalone.arrays import Array
 from .runtime.standalone.motion.functionals import WeightedResults
 
 OWN = ("wrt", "sensitivities", "dq0", "du0", "hessian")
-"""Options of `Solver.judge` and `Solver.simulate` that belong to the variables."""
+"""Options of `Solver.judge` and `Solver.simulate` that the variables determine; callers may not set them."""
 
 FEW = 8
 """Largest number of variables for which sensitivities cost less than one adjoint; they are computed eight at a time."""
@@ -39,7 +39,7 @@ class Moved(NamedTuple):
 
 
 class DifferentiableMotion:
-    """Results of a motion, and their derivatives by variables.
+    """Results of a motion, and their derivatives with respect to variables.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class DifferentiableMotion:
         return np.asarray(found)
 
     def no_second(self) -> str:
-        """The message for a second derivative."""
+        """The message of the error that a second derivative raises."""
         return f"{self.member} of {self._solver.name}: no second derivatives; differentiate once"
 
     def _known(self, x: Array) -> bool:
@@ -193,7 +193,7 @@ class SimulatedMotion(DifferentiableMotion):
 
 
 def _copied(x: Any) -> Any:
-    """A copy of numbers, which the caller may change before derivatives read them; other objects as they are."""
+    """Copies arrays, since the caller may change them before derivatives read them; returns other objects as they are."""
     if isinstance(x, np.ndarray):
         return x.copy()
     if isinstance(x, Mapping):

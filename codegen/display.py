@@ -37,7 +37,7 @@ def display(model: Model) -> dict[str, Any]:
 
 
 def _law(element: ForceElement) -> dict[str, Any]:
-    """The force of an element along the line between its ends, or its components; None for other types."""
+    """The force of an element along the line between its ends, or its components; empty for other types."""
     if isinstance(element, OnBody):
         return {"components": _numbers(element.value), "axes": element.axes}
     if not isinstance(element, Spring | AlongLine):

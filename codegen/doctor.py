@@ -68,7 +68,7 @@ def _compiler() -> list[str]:
 
 
 def _compiles() -> tuple[bool, list[str]]:
-    """Whether a small solver is compiled and computes, in words."""
+    """Whether a small solver compiles, and lines that say so."""
     from .generation import generate
     from .model import parse_model
     from .runtime.standalone.errors import CompileError, NoCompilerError, PackageError, TargetsDifferError

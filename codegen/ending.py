@@ -10,7 +10,7 @@ from types import FrameType
 
 OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
 SIGNALLED = 128
-"""Exit code of a command that was ended by a signal, plus the signal's number."""
+"""The exit code of a command that a signal ended is this number plus the number of the signal."""
 
 REPEATED = 1.0
 """Seconds within which a further signal is ignored, because ``timeout`` signals a process and then its group."""

@@ -25,7 +25,7 @@ JUMP = 1e-7
 """Fraction of the largest nearby value below which a jump counts as a rounding error."""
 
 NEAR_BY = np.concatenate([np.logspace(-8, -1, 15), -np.logspace(-8, -1, 15)])
-"""Distances at which nearby values are evaluated: in s, or relative to the time for later times."""
+"""Distances at which nearby values are evaluated: in s up to a time of 1 s, then relative to the time."""
 
 Pair = tuple[Any, Any]
 """A value and its rate, both numbers or both arrays."""

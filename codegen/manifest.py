@@ -187,7 +187,7 @@ def _switches(model: Model, procedures: tuple[Procedure, ...]) -> dict[str, Any]
 
 
 def _branching_motion(model: Model) -> dict[str, Any]:
-    """Prescribed motion with branches, as expression trees: its velocity may jump at other parameters."""
+    """Prescribed motion with branches, as expression trees: its velocity may jump with other values of the parameters."""
     moving = {"t", *model.inputs}
     found = [
         {"name": x.name, "names": sorted(x.value.names), "tree": x.value.tree}

@@ -127,7 +127,7 @@ class Operator:
 
     @property
     def runs(self) -> Any:
-        """The solver with the operator's partition and `bad_states`; a copy if the solver's own have changed since."""
+        """The solver with the operator's partition and `bad_states`; a copy if these attributes of the solver have changed."""
         solver = self.solver
         if solver.partition == self.opened.number and (solver.bad_states == "nan") == self.nan:
             return solver
@@ -152,7 +152,7 @@ class Operator:
         raise ValueError(f"{self.name}: {argument} has no entry {entry!r}; it has {', '.join(known) or 'none'}{hint}")
 
     def no_curvature(self) -> str:
-        """The message for a second derivative that the package does not have."""
+        """The message of the error that a second derivative raises if the package does not have it."""
         if not self.derived.curved:
             return (
                 f"{self.name} of {self.solver.name}: no second derivatives; the functions that have them are "
@@ -161,7 +161,7 @@ class Operator:
         return f"second derivatives of {self.name}: {self.solver._why_not(self.derived.curved)}"
 
     def no_third(self) -> str:
-        """The message for a third derivative."""
+        """The message of the error that a third derivative raises."""
         return f"{self.name} of {self.solver.name}: third derivatives do not exist; differentiate at most twice"
 
 

@@ -105,7 +105,7 @@ def write_solver(
     frames : bool
         Whether to include functions for the frames of all bodies.
     printed : callable, optional
-        Called with the files and the manifest as soon as all C code is printed.
+        Called with the files and the manifest as soon as the C code that is compiled first is printed.
     scalar : str
         The scalar type of the C; see `codegen.emit.target.Scalar`.
 

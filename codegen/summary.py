@@ -10,7 +10,7 @@ from typing import Any
 from .html_tables import html_of
 
 SHOWN = 20
-"""Maximum number of warnings in a report, and twice the maximum number of lines about loops. The report counts the
+"""Maximum number of warnings in a report, and half the maximum number of lines about loops. The report counts the
 lines left out."""
 
 
@@ -25,7 +25,7 @@ class Report:
     files : dict of str to int
         Bytes of every file.
     links, kinds : int
-        Number of links, and of different ones.
+        Numbers of links and of kinds of links.
     operations : dict
         Operations by sweep; see `Solver.operations`.
     sweeps : dict of str to list of str

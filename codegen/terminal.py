@@ -155,7 +155,7 @@ class StatusLine:
 
 
 class _Cell:
-    """A line of output of a notebook's cell that follows `line` until `stop`, which empties it."""
+    """A line in the output of a notebook's cell. It shows the text of `line`, updated until `stop` clears it."""
 
     def __init__(self, line: Callable[[], Any]):
         display = importlib.import_module("IPython.display").display  # comes with every notebook
@@ -182,7 +182,7 @@ _shown = threading.Lock()
 
 @contextlib.contextmanager
 def shown() -> Iterator[StatusLine | None]:
-    """A status line for a call from Python; None where nobody watches, and within a call that has one."""
+    """A status line for a call from Python; None where nobody watches, and within a call that shows one already."""
     if not is_watched(sys.stderr) or not _shown.acquire(blocking=False):
         yield None
         return
@@ -195,7 +195,7 @@ def shown() -> Iterator[StatusLine | None]:
 
 @contextlib.contextmanager
 def working(stage: str) -> Iterator[None]:
-    """Shows the work of a call from Python, of which no steps are known; also a decorator."""
+    """Shows the work of a call from Python whose steps are not counted; also a decorator."""
     with shown() as status:
         if status is not None:
             status(stage, 0, 0)

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from .runtime import Solver, Trajectory
 
 RATE = 30
-"""Results of a motion per second, as a browser shows them."""
+"""Number of results per second of a motion that is simulated for a view."""
 
 MOST_RESULTS = 100_000
-"""Number of results up to which a motion is shown."""
+"""Maximum number of results of a motion that is simulated for a view."""
 
 LARGEST_PORT = 65535
 
@@ -174,7 +174,7 @@ def _parameters(solver: Solver, options: argparse.Namespace) -> dict[str, float]
 
 
 def _motion(solver: Solver, options: argparse.Namespace, p: dict[str, float], status: StatusLine) -> Trajectory | None:
-    """The motion of a file, or of a simulation; None for a state."""
+    """The motion from a file or a simulation; None if the options ask for a single state."""
     from .runtime import Trajectory
     from .runtime.standalone.trajectory.files import TrajectoryFileError
 

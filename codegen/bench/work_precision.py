@@ -121,7 +121,7 @@ def diagram(
     solver: Solver, end: float, settings: Sequence[Setting], error: Callable[[Trajectory], float],
     start: dict[str, float] | None = None, budget: float = 0.1,
 ) -> list[Point]:  # fmt: skip
-    """Return a motion at several settings, which take turns.
+    """Integrate a motion at several settings in turn, and measure each.
 
     Parameters
     ----------

@@ -57,9 +57,10 @@ class Bridged:
     sizes : dict of str to int
         Numbers of entries of the whole arrays.
     jacobian : dict of str to array of bool
-        Pattern by argument.
+        Pattern of the Jacobian, by argument.
     hessian : dict of (str, str) to array of bool
-        Pattern of the gradient's change by arguments; empty without second derivatives.
+        For arguments a and b: pattern of the derivative, with respect to b, of the gradient with respect to a. Empty
+        without second derivatives.
     """
 
     name: str

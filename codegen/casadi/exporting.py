@@ -133,7 +133,7 @@ def export_casadi(
 
 
 def _refuse_opened(folder: Path, library: str, texts: Mapping[str, str]) -> None:
-    """Raise the error of a library that this process has opened: opened again, the same path would give the old functions.
+    """Raise an error if this process has opened the library: the same path, opened again, would give the old functions.
 
     Raises
     ------

@@ -31,7 +31,7 @@ typedef struct {
     const int *size, *whole; /* entries of each argument, and of its whole array */
     const int *const *place; /* index of each entry in the whole array; 0 if the argument is the whole array */
     int n_whole;             /* entries of all whole arrays */
-    ptrdiff_t workspace;     /* numbers of the generated functions' workspace */
+    ptrdiff_t workspace;     /* doubles in the workspace of the generated functions */
     const ordernm_loops *loops;
     int (*value)(ordernm_given x, double *y, double *work);
     int (*along_1)(ordernm_given x, ordernm_given dx, double *y, double *dy, double *work);
@@ -50,7 +50,7 @@ typedef struct {
     double *y, *dy, *weights, *work;
 } ordernm_call;
 
-/* Numbers of CasADi's work vector. */
+/* Number of doubles in CasADi's work vector. */
 static ordernm_int ordernm_size(const ordernm_function *f)
 {
     return (ordernm_int)(f->n_whole * (1 + 2 * ORDERNM_LANES) + f->n_out * (2 + ORDERNM_LANES) + f->workspace);
@@ -159,7 +159,7 @@ static int ordernm_value(const ordernm_function *f, const double **arg, double *
     return ordernm_begin(f, arg, w, &call) || f->value(call.x, res[0], call.work);
 }
 
-/* n directions: seeds follow the arguments and the result, one column for each direction. */
+/* Derivatives along n directions. In `arg`, the seeds follow the arguments and the result, one column for each direction. */
 static int ordernm_forward(const ordernm_function *f, int n, const double **arg, double **res, double *w)
 {
     ordernm_call call;
@@ -179,12 +179,13 @@ static int ordernm_forward(const ordernm_function *f, int n, const double **arg,
     return 0;
 }
 
-/* The next group of unit seeds in the columns of requested blocks; returns their number. */
+/* Progress through the columns of the requested blocks, and the group of columns whose unit seeds are set. */
 typedef struct {
     int i, j, count;
     int argument[ORDERNM_LANES], entry[ORDERNM_LANES];
 } ordernm_columns;
 
+/* Replaces the unit seeds by those of the next group of columns; returns their number. */
 static int ordernm_next(const ordernm_function *f, const int *wanted, ordernm_columns *c, ordernm_call *call)
 {
     for (int d = 0; d < c->count; ++d)
@@ -199,7 +200,7 @@ static int ordernm_next(const ordernm_function *f, const int *wanted, ordernm_co
     return c->count;
 }
 
-/* Jacobians of the result by each argument. */
+/* Jacobians of the result with respect to each requested argument. */
 static int ordernm_columns_of(const ordernm_function *f, ordernm_call *call, double *const *blocks)
 {
     ordernm_columns c = {0};
@@ -224,7 +225,7 @@ static int ordernm_jacobian(const ordernm_function *f, const double **arg, doubl
     return ordernm_begin(f, arg, w, &call) || ordernm_columns_of(f, &call, res);
 }
 
-/* The gradient of weights . result by whole arrays, in the first entries of call->g. */
+/* The gradient of weights . result with respect to the whole arrays, in the first entries of call->g. */
 static int ordernm_gradient(const ordernm_function *f, ordernm_call *call, const double *weights)
 {
     ordernm_columns c = {0};
@@ -244,7 +245,7 @@ static int ordernm_gradient(const ordernm_function *f, ordernm_call *call, const
     return 0;
 }
 
-/* n vectors of weights, which follow the arguments and the result. */
+/* Gradients for n vectors of weights. In `arg`, the weights follow the arguments and the result. */
 static int ordernm_adjoint(const ordernm_function *f, int n, const double **arg, double **res, double *w)
 {
     ordernm_call call;
@@ -260,7 +261,7 @@ static int ordernm_adjoint(const ordernm_function *f, int n, const double **arg,
     return 0;
 }
 
-/* The Jacobian of the adjoint: Hessians of weights . result, and the transposed Jacobian. Blocks by the result are empty. */
+/* The Jacobian of the adjoint: Hessians of weights . result, and the transposed Jacobian. Blocks for the result are empty. */
 static int ordernm_hessian(const ordernm_function *f, const double **arg, double **res, double *w)
 {
     ordernm_call call;

@@ -213,7 +213,7 @@ def one_of(solver: Solver, name: str) -> Bridged:
 
 
 def check_name(model: str) -> None:
-    """Raise the error of a model whose name CasADi does not accept in names of functions.
+    """Raise an error if CasADi does not accept the name of the model in names of functions.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def check_name(model: str) -> None:
 
 
 def needs_second(solver: Solver, name: str, purpose: str) -> None:
-    """Raise the error of a function without second derivatives.
+    """Raise an error if a function has no second derivatives.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Optimal control by direct collocation at Gauss-Legendre points, with design parameters among the variables, by IPOPT."""
+"""Optimal control: direct collocation at Gauss-Legendre points, design parameters among the variables, solved by IPOPT."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HESSIANS = ("exact", "limited-memory")
 
 
 class _Variable(NamedTuple):
-    """A matrix of variables: name, shape, bounds and guess by entry, and the unit by row."""
+    """A matrix of variables: its shape, the bounds and the guess of each entry, and the unit of each row."""
 
     shape: tuple[int, ...]
     low: Array
@@ -86,7 +86,7 @@ class Collocation:
     def _check(
         self, duration: Any, segments: int, degree: int, start: Named, end: Named, bounds: Named, design: Named
     ) -> None:
-        """Raise the error of the first wrong argument."""
+        """Raise an error that describes the first wrong argument."""
         for what, number, most in (("segments", segments, 10**6), ("degree", degree, 9)):
             if not isinstance(number, (int, np.integer)) or not 1 <= number <= most:
                 raise BridgeError(f"{what} is {number!r}, expected a whole number from 1 to {most}")
@@ -216,7 +216,7 @@ class Collocation:
         hessian : {"exact", "limited-memory"}, optional
             Exact second derivatives, or the quasi-Newton approximation of IPOPT.
         guess : Optimum, optional
-            Where to start: an optimum of a problem of the same model. Default: straight lines from start to end.
+            Start of the search: an optimum of a problem of the same model. Default: straight lines from start to end.
         tolerance : float, optional
             IPOPT's `tol`.
         most_iterations : int, optional
@@ -227,7 +227,7 @@ class Collocation:
         Returns
         -------
         Optimum
-            The solution, and the derivatives of its value by the parameters that are not variables.
+            The solution, and derivatives of its value with respect to the parameters that are not variables.
 
         Raises
         ------
@@ -409,7 +409,7 @@ def collocation(
     end_cost : callable, optional
         A function of the last state and of the last inputs, which is added to the objective.
     path : callable, optional
-        Returns expressions that may not exceed zero at any point.
+        Returns expressions that must not exceed zero at any point.
     start, end : mapping of str to float, optional
         Values of entries of the state, such as ``{"q.crank": 0.8}``; others are free.
     bounds : mapping of str to (float, float), optional

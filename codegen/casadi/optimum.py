@@ -44,7 +44,7 @@ class Optimum:
     design : dict of str to float
         The parameters that were variables.
     gradients : dict of str to float
-        Derivatives of the optimal value by the other parameters.
+        Derivatives of the optimal value with respect to the other parameters.
     iterations : int
         Iterations of IPOPT.
     seconds : float

@@ -67,7 +67,7 @@ def with_exact_hessian(constraint: Any) -> Any:
 
 
 def dictionaries(point: At, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
-    """low <= selected functionals <= high for SLSQP: dictionaries of equations, and of functions that must be positive."""
+    """low <= selected functionals <= high for SLSQP: dictionaries of functions that must be zero or must not be negative."""
     places = np.arange(at.start, at.stop)
     found = []
     for kind, chosen, sign, level in (

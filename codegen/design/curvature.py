@@ -1,4 +1,4 @@
-"""Hessian products of functionals by an optimiser's variables."""
+"""Hessians of functionals with respect to an optimiser's variables, and their products with directions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WHOLE = 32
 
 
 class Curvatures:
-    """Hessians of functionals of a motion by an optimiser's x.
+    """Hessians of functionals of a motion with respect to an optimiser's x.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..runtime.standalone.arrays import Array
 
 Combine = Callable[[Array], tuple[float, ArrayLike]]
-"""A function of the functionals' values (m,) that returns a number and its derivatives by these values (m,)."""
+"""A function of the functionals' values (m,) that returns a number and its derivatives (m,) with respect to them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class Evaluation:
     functionals : ndarray (m,)
         Values of the functionals of the objective, then of the constraints; NaN if the motion failed.
     gradient_norm : float
-        Largest entry of the gradient by x.
+        Largest magnitude of an entry of the gradient with respect to x.
     seconds : float
         Time that the motion took.
     failure : str
@@ -46,7 +46,7 @@ class Evaluation:
 
 @dataclass(slots=True, eq=False)
 class Point:
-    """Results at an x: the value, its gradient by x (n,), the functionals (m,) and their gradients by x (m, n); or an
+    """Results at an x: the value, the functionals (m,), and their gradients (n,) and (m, n) with respect to x; or an
     error."""
 
     value: float

@@ -88,7 +88,7 @@ class Experiment:
         return found
 
     def residuals(self, trajectory: Trajectory, n: int) -> tuple[Array, Array]:
-        """Residuals in standard deviations, (m,), and their Jacobian by x, (m, n)."""
+        """Residuals in standard deviations, (m,), and their Jacobian with respect to x, (m, n)."""
         first = int(self.start < self.times[0])
         rows = slice(first, first + len(self.times))
         errors, jacobians = [], []

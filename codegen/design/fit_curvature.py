@@ -1,4 +1,4 @@
-"""Beyond Gauss and Newton: the full Hessian of a fit's sum of squares, and profile likelihood intervals."""
+"""The full Hessian of a fit's sum of squares, which J^T J approximates, and profile likelihood intervals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OF_JUDGE = ("rtol", "atol", "step", "largest_step", "most_steps")
 """Options of `Solver.simulate` that `Solver.judge` has, too."""
 
 CLOSE = 1e-5
-"""Relative distance from the end of an interval at which its search ends."""
+"""Relative distance from the end of an interval at which the search for this end stops."""
 
 TRIALS = 40
 """Largest number of minimisations for one end of an interval."""
@@ -49,7 +49,7 @@ def check_hessian(experiments: Sequence[Experiment], loss: str) -> None:
 
 
 def full_hessian(experiments: Sequence[Experiment], x: Array) -> Array:
-    """The Hessian (n, n) of half the sum of squares by x, numbers of order one."""
+    """The Hessian (n, n) of half the sum of squares with respect to x, numbers of order one."""
     total = np.zeros((len(x), len(x)))
     for e in experiments:
         v, end = e.variables, float(e.times[-1])
@@ -104,7 +104,8 @@ class Profile:
         self.better = False
 
     def signed_root(self, change: float) -> float:
-        """The signed square root of the increase of the sum of squares, in units; infinite where a motion fails."""
+        """The square root of the increase of the sum of squares over `unit`, with the sign of the change; infinite where a
+        motion fails."""
         from scipy.optimize import least_squares
 
         start = self.x + change * self.along
@@ -132,8 +133,8 @@ class Profile:
         return float(residuals @ residuals)
 
     def end(self, factor: float, sign: float) -> float:
-        """The change of the variable at which the signed root is `sign` times `factor`; to the bound if the bound is
-        nearer."""
+        """The change of the variable at which the signed root is `sign` times `factor`, or the change to the bound if that
+        is nearer."""
         room = float((self.high if sign > 0 else self.low)[self.i] - self.x[self.i])
         near, at_near, far = 0.0, 0.0, math.inf
         change = sign * factor * self.deviation

@@ -49,8 +49,8 @@ class Fit:
     correlations : ndarray (n, n)
         Correlations of the values.
     hessian : ndarray (n, n) or None
-        With ``hessian=True``: second derivatives of half the sum of squares by the values. J^T J is the part of
-        them that would remain if the motion were linear in the variables.
+        With ``hessian=True``: second derivatives of half the sum of squares with respect to the values. J^T J is
+        the part of them that would remain if the motion were linear in the variables.
     full_covariance : ndarray (n, n) or None
         Covariance from the inverse of `hessian` instead of (J^T J)^-1; NaN if `hessian` is not positive definite.
     undetermined : tuple of dict of str to float
@@ -58,7 +58,7 @@ class Fit:
     at_bounds : dict of str to str
         Variables at a bound, and which one: "lower" or "upper".
     singular_values : ndarray
-        Singular values of the Jacobian by variables of order one, without those at bounds.
+        Singular values of the Jacobian with respect to variables of order one, without the variables at bounds.
     residuals : tuple of dict of str to ndarray (nt,)
         For each experiment the motion minus the samples, in their units.
     trajectories : tuple of Trajectory
@@ -129,7 +129,7 @@ class Fit:
         residuals : ndarray (m,)
             Residuals in standard deviations of the samples.
         jacobian : ndarray (m, n)
-            Their derivatives by x.
+            Derivatives of the residuals with respect to x.
         experiments : tuple of Experiment
             The experiments.
         trajectories : tuple of Trajectory
@@ -139,7 +139,7 @@ class Fit:
         undetermined : float
             Part of the largest singular value below which a direction is not determined.
         by_x : ndarray (n, n), optional
-            Second derivatives of half the sum of squares by x.
+            Second derivatives of half the sum of squares with respect to x.
         **more
             Further fields of the fit.
 
@@ -225,7 +225,7 @@ class Fit:
         return float(self.deviations[self._place(name)])
 
     def interval(self, name: str, probability: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of a variable, as far as the model is linear there.
+        """Return the confidence interval of a variable, for the model linearised at the fitted values.
 
         Parameters
         ----------
@@ -398,7 +398,7 @@ class Fit:
         return lines
 
     def _with_full_hessian(self, covariance: Array) -> list[str]:
-        """What the full Hessian says about the standard deviations."""
+        """Lines that compare the standard deviations with those from the full Hessian."""
         known = np.isfinite(self.deviations)
         variances = np.diag(covariance)[known]
         if not known.any():

@@ -144,8 +144,8 @@ def simulate_many(
     t : float or array_like (nt,)
         Times as in `Solver.simulate`, the same for all motions.
     q, u, p : array_like (n, ...) or (...), or mapping, optional
-        Initial states and parameters. What has n rows differs between the motions; values of a mapping are numbers or
-        (n,).
+        Initial states and parameters. Each of n rows belongs to one motion; all other values are the same for all
+        motions. Values of a mapping are numbers or (n,).
     inputs : list of n, array_like (n, ninputs), or inputs of Solver.simulate, optional
         Inputs over time. The first two forms differ between the motions.
     threads : int, optional

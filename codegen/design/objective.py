@@ -55,7 +55,7 @@ class OfVariables(ABC):
         value : float
             The value; infinite where a motion fails.
         gradient : ndarray (n,)
-            Its derivatives by x; NaN where a motion fails.
+            Its derivatives with respect to x; NaN where a motion fails.
 
         Examples
         --------
@@ -71,7 +71,7 @@ class OfVariables(ABC):
         return self.value_and_gradient(x)[0]
 
     def gradient(self, x: ArrayLike) -> Array:
-        """Return the gradient by x.
+        """Return the gradient with respect to x.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class OfVariables(ABC):
         Returns
         -------
         ndarray (n,)
-            Derivatives of the value by x; NaN where a motion fails.
+            Derivatives of the value with respect to x; NaN where a motion fails.
 
         Examples
         --------
@@ -223,7 +223,7 @@ class Objective(OfVariables):
         Returns
         -------
         list of dict
-            Equations (``"eq"``), and inequalities (``"ineq"``) whose function has to be positive.
+            Equations (``"eq"``), and inequalities (``"ineq"``) whose function must not be negative.
 
         Examples
         --------
@@ -434,7 +434,7 @@ class Objective(OfVariables):
         x : array_like (n,), optional
             Numbers of order one. Default: the x with the smallest value so far.
         t : float or array_like (nt,), optional
-            Times of the results, s. Default: those of the objective's motion.
+            Times of the results, s. Default: 201 equidistant times from the start to the end of the objective's motion.
         **more
             Further arguments of `Solver.simulate`.
 

@@ -40,11 +40,11 @@ class Outcome:
     value : float
         Value of the objective.
     gradient : ndarray (n,)
-        Its derivatives by the values, in the model's units.
+        Derivatives of `value` with respect to the variables, in the model's units.
     functionals : tuple of m functionals
         Functionals of the objective, then of the constraints.
     functional_values : ndarray (m,)
-        Their values.
+        Values of the functionals.
     motions, failures : int
         Number of motions that were run so far, and of those that failed.
     """

@@ -300,7 +300,7 @@ class Variables:
         return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])
 
     def _set(self, name: str, v: Variable, at: slice) -> None:
-        """Bounds, scale and start of a variable, or of a whole input."""
+        """Set bounds, scale and start of a variable, or of a whole input."""
         for word, place in (("lower", self.lower), ("upper", self.upper), ("start", self.start)):
             given = getattr(v, word)
             if given is None:

@@ -75,7 +75,7 @@ def _transpose(cts: Any, x: Any, *linear: Any, motion: DifferentiableMotion, kin
 
 
 def _batched(args: Any, dims: Any, **params: Any) -> Any:
-    """Directions and weights of one motion go together; motions run one after another."""
+    """Directions or weights of one motion are processed in one call; several motions run one after another."""
     moved = [a if d is None else jnp.moveaxis(a, d, 0) for a, d in zip(args, dims, strict=True)]
     if dims[0] is None:
         size = next(a.shape[0] for a, d in zip(moved, dims, strict=True) if d is not None)

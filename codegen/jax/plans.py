@@ -71,7 +71,7 @@ class HandlerBuild(Build):
 
 @functools.cache
 def handler() -> Any:
-    """The library of ``handler.c``, known to XLA, with its cffi."""
+    """The cffi interface and the library of ``handler.c``, which is registered with XLA."""
     import jax
     from cffi import FFI
 

@@ -8,7 +8,7 @@ kind       operands after the arguments        results
 =========  ==================================  ==========================================
 value                                          (*batch, m)
 along      seeds (k, ..., n)                   (k, *batch, m)
-against    weights (k, ..., m)                 gradients (k, *batch, n) by each argument
+against    weights (k, ..., m)                 gradients (k, *batch, n), one per argument
 curved     weights (..., m), seeds (k, ..., n)  changes of gradients (k, *batch, n)
 crossed    two directions (..., n)             second derivative (*batch, m) along both
 =========  ==================================  ==========================================
@@ -43,7 +43,7 @@ def _primitive(kind: str) -> Primitive:
 PRIMITIVES = {kind: _primitive(kind) for kind in KINDS}
 
 
-# ---- what the operands of a primitive are ----------------------------------------------------------------------------
+# ---- operands of the primitives --------------------------------------------------------------------------------------
 
 
 def _rest(of: Operator, kind: str, seeds: Sequence[str]) -> list[tuple[str, bool]]:
@@ -76,7 +76,7 @@ def _results(of: Operator, kind: str) -> tuple[str, ...]:
 
 
 def _gives(of: Operator, kind: str) -> tuple[str, ...]:
-    """Arguments by which `against` or `curved` returns gradients; the other gradients are zero."""
+    """Arguments with respect to which `against` or `curved` returns gradients; the other gradients are zero."""
     mark = 1 if kind == "against" else 2
     return tuple(r[mark:] for r in _results(of, kind))
 

@@ -40,8 +40,8 @@ def function(solver: Any, name: str) -> Callable[..., Any]:
     TypeError
         If the first argument is not a solver. A call raises it for a wrong type or number of arguments.
     ValueError
-        If no function of this name can be differentiated. A call raises it for wrong shapes and names, and the errors
-        of the solver's method.
+        If no function of this name can be differentiated. A call raises it for wrong shapes and names; it also raises
+        the errors of the solver's method.
     AttributeError
         If the package was generated without the function.
     NotImplementedError

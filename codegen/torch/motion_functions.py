@@ -106,7 +106,7 @@ class Pulled(torch.autograd.Function):
 
 
 def _together(operation: Any, info: Any, dims: Any, x: Any, linear: Sequence[Any], motion: Any) -> Any:
-    """Directions and weights of one motion go together."""
+    """Directions or weights of one motion are processed in one call."""
     if dims[0] is not None:
         return _one_by_one(operation, info, dims, x, linear, motion)
     whole = [y.expand(info.batch_size, *y.shape) if d is None else y.movedim(d, 0)

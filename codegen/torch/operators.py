@@ -21,7 +21,7 @@ from ..runtime.standalone.state.derivatives import CURVED
 
 ARGUMENTS = 6
 EVERY = 2**ARGUMENTS - 1
-"""Gradients that are needed, as bits: those by all arguments."""
+"""The bits that request the gradients with respect to all arguments."""
 
 PLAIN = (Tensor, torch.nn.Parameter)
 """Types of tensors with numbers."""
@@ -50,7 +50,7 @@ def operator_of(key: str) -> Operator:
 
 
 def defaults_of(of: Operator) -> dict[str, Tensor]:
-    """Defaults of the arguments; they are recognised as such."""
+    """Default tensors of the arguments, the same objects in every call: `_given` recognises them by identity."""
     if of.tensors is None:
         kind = getattr(torch, str(of.dtype))
         of.tensors = {n: torch.tensor(x, dtype=kind) for n, x in of.defaults.items()}
@@ -119,7 +119,7 @@ def _along(of: Operator, x: Sequence[Tensor], seeds: Sequence[Tensor | None]) ->
 
 
 def _against(of: Operator, x: Sequence[Tensor], weights: Tensor, needed: int) -> list[Any]:
-    """Gradients (1, *batch, n) by each needed argument; None where they are zero."""
+    """Gradients (1, *batch, n) with respect to each argument in `needed`; None for the other arguments."""
     w = _array(weights.contiguous())
     asked = [n for i, n in enumerate(of.six) if needed >> i & 1 and n in of.takes and of.sizes[n]]
     if of.has(of.derived.against):
@@ -327,7 +327,7 @@ class Against(torch.autograd.Function):
 
 
 class Curved(torch.autograd.Function):
-    """The changes of these gradients along one direction."""
+    """The changes of the gradients of `Against` along one direction."""
 
     setup_context = staticmethod(_keep)
 

@@ -1,4 +1,5 @@
-"""The final state of a motion by other programs: of the chain, and by SciPy, with ordernm's accelerations, of any tree.
+"""The final state of a motion, computed by other programs: by SciPy, with ordernm's accelerations, for any tree, and by
+the others for the chain.
 
 Each program has a function that imports the program; in `comparing` the programs take turns.
 """
@@ -73,8 +74,8 @@ def casadi(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Contes
 
 
 def casadi_rates(n: int) -> tuple[Any, Any, Any]:
-    """CasADi's SX, from a hand-written algorithm. Three results: the states (q, u and their derivatives by L), the parameter
-    L, and the time derivatives of the states."""
+    """Three SX expressions of CasADi, from a hand-written algorithm: the states (q, u and their derivatives with respect to
+    L), the parameter L, and the time derivatives of the states."""
     import casadi
 
     q, u, sq, su = (casadi.SX.sym(name, n) for name in ("q", "u", "sq", "su"))
@@ -136,8 +137,8 @@ def pinocchio(problem: Motion, n: int, q: np.ndarray, u: np.ndarray) -> list[Con
 
 
 def scipy(problem: Motion, solver: Solver, stiff: bool) -> list[Contestant]:
-    """SciPy's explicit method, or for stiff models its implicit one with exact Jacobians by ordernm; accelerations by ordernm
-    from Python."""
+    """SciPy's explicit method, or for stiff models its implicit method. Accelerations, and Jacobians for the implicit method,
+    are those of ordernm, called from Python."""
     from scipy.integrate import solve_ivp
 
     q, u = solver.initial

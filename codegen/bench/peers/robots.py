@@ -1,5 +1,5 @@
-"""Mass matrices, other matrices and batches of states of robots, computed alternately by ordernm and by Pinocchio, both
-called from Python."""
+"""Accelerations, Jacobians, mass matrices and their inverses of robots, and accelerations of batches of states. ordernm and
+Pinocchio compute them alternately, both called from Python."""
 
 from __future__ import annotations
 
