@@ -18,9 +18,9 @@ from .standalone.trajectory.trajectory import Trajectory
 def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     """Open a generated package.
 
-    Its C is compiled at the first call and cached. A package of this version is run by `codegen.runtime.Solver`. A
-    package of another version is run by the code that it carries; its errors and functionals are then those of the
-    package.
+    Its C code is compiled at the first call and cached. A package of this version is run by `codegen.runtime.Solver`. A
+    package of another version is run by the code that it carries, which also defines the classes of its errors and
+    functionals.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ struct ordernm_adjoint {
     void *of_stages;                  /* memory of an implicit method for its equations */
     int has_next;                     /* a later step exists */
     scalar next_t, *next, *next_modes;/* time, state and modes at the start of the later step */
-    scalar *p, *inputs;               /* gradients: [ngroups][np][width], [ngroups][count][ninputs][width] */
+    scalar *p, *inputs;               /* gradients: [ngroups][np][width], [ngroups][count][nsignals][width] */
 };
 
 /* Whether a group has weights at times within this step, including its end. */

@@ -6,13 +6,13 @@
  *     dY_i = dz + h sum a_ij dk_j,  dkappa_j = h (b_j dlambda + sum_i>j a_ij dnu_i),
  *     dnu_j = f_z(Y_j)^T dkappa_j + (f_zz dY_j + f_zp dp)^T kappa_j,  dlambda <- dlambda + sum dnu_j.
  *
- * One function computes both terms of dnu_j and f_z^T kappa. Adjoints have the layout of the state z, so that tangents stand behind the
- * values. */
+ * One function computes both terms of dnu_j and f_z^T kappa. Adjoints have the layout of the state z: values, then tangents along the
+ * directions. */
 #include "inside.h"
 
 #include <string.h>
 
-/* Results of a function by its arguments. */
+/* Derivatives of a function with respect to its arguments. */
 typedef struct {
     scalar *q, *u, *p, *inputs, *t;
 } gradient;
@@ -95,7 +95,7 @@ int ordernm_hessians_stages(const ordernm_curvature *c) { return c->all; }
 
 static long size_of_rows(const ordernm_curvature *c) { return (1L + c->problem.ndirections)*c->n; }
 
-/* Where a record has the tangents of udot. */
+/* Index of the tangents of udot in a record. */
 static long rates_at(const ordernm_curvature *c)
 {
     return size_of_rows(c) + (c->motion->identity ? 0 : c->motion->system->nq);
@@ -135,7 +135,7 @@ static void keep(const ordernm_curvature *c, const scalar *z, scalar *to)
     if (!m->identity) memcpy(to + size_of_rows(c), m->q, m->system->nq*sizeof(scalar));
 }
 
-/* Rates at a stage, and its record. With loops, all tangents of udot are known only until those of the next group are computed. */
+/* Rates at a stage, and its record. With loops, m->dudot contains the tangents of udot only until the next group is computed. */
 static int rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, scalar *to)
 {
     ordernm_motion *const m = c->motion;
@@ -307,7 +307,8 @@ static int gradients(ordernm_curvature *c, scalar t, const scalar *z, const scal
     return 0;
 }
 
-/* The same for the rates of coordinates, if these are not the speeds: the transpose, for values or for the directions of a group. */
+/* Adds the contribution of the rates of coordinates to nu, if these are not the speeds: the transpose, for values or for the directions of
+ * a group. */
 static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, const scalar *kappa, scalar *nu, const group *g)
 {
     const ordernm_system *const s = c->motion->system;
@@ -324,7 +325,7 @@ static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, c
     return status;
 }
 
-/* The same for the rates of coordinates: the transpose and its changes. */
+/* Adds the contributions of the rates of coordinates to nu: the transpose, and its changes along all directions. */
 static int rate_gradients(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu)
 {
     ordernm_motion *const m = c->motion;

@@ -123,8 +123,8 @@ static int look_at_turn(ordernm_motion *m, scalar h, int e, scalar turn, scalar 
     return look_at_touch(m, h, e, x, y, i, *n);
 }
 
-/* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. Returns 0 if the
- * output does not cross its level; 1 if it does; otherwise the status of a function, or a negative status minus 1. */
+/* The first part of a step in which an output crosses its level: the ends of this part, and the outputs at these ends. `found` receives
+ * whether the output crosses its level. Returns the status of a function. */
 static int bracket(ordernm_motion *m, scalar h, int e, scalar at[2], scalar g[2], int *found)
 {
     const long events = m->nwatched;
@@ -259,7 +259,7 @@ static int take_samples(ordernm_motion *m, scalar h)
     return 0;
 }
 
-/* Average rate of an event's output in the step. */
+/* Range of an event's output in the step, divided by the step size. */
 static scalar pace(const ordernm_motion *m, scalar h, int e)
 {
     scalar low = m->crossing[e], high = low;

@@ -14,10 +14,11 @@ static const scalar ALLOWED = 10.0;
 /* Errors relative to the rates that rounding may cause: below ROUNDED in any case; below NOISE if a shorter step has no smaller error. */
 static const scalar ROUNDED = 1e-12, NOISE = 1e-9;
 
-/* Rates count as jumping, and derivatives as undefined, if the error of the state is below SMALLEST relative to the state, and a step that is
- * shorter than the one with the largest error by the factor SHORTER has more of this error than the root of the factor leaves. At a kink,
- * errors decrease in proportion to the step, but not evenly: they depend on the place of the kink in the step. In a steep layer, any error may
- * be small by chance. Steps below SHORTEST, relative to the motion, are not shortened any more. */
+/* Let r < SHORTER be the ratio of a step's size to that of the longer step with the largest error, both from the same start. Rates count as
+ * jumping, and derivatives as undefined, if the error still exceeds sqrt(r) times the largest one, although the error of the state is below
+ * SMALLEST relative to the state. At a kink, errors decrease in proportion to the step, but not evenly: they depend on the place of the
+ * kink in the step. In a steep layer, any error may be small by chance. Steps below SHORTEST, relative to the motion, are not shortened any
+ * more. */
 static const scalar SHORTER = 1e-3, SMALLEST = 1e-12, SHORTEST = 1e-12;
 
 /* Two limits of a loop's condition number: an absolute one, and one relative to the smallest number so far. Above both, the loop is near a

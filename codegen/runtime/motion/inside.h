@@ -174,7 +174,7 @@ struct ordernm_motion {
     int begun, adaptive, rejected_before, complete;
     scalar *crossing, *after, *within; /* [nevents] outputs minus levels at the start and end of the step, and in between */
     scalar *part;             /* [nevents] position of the event in the step */
-    scalar *happened, *paces; /* [nevents] 1.0 if the step ends at the event; average rate of the output in the step */
+    scalar *happened, *paces; /* [nevents] 1.0 if the step ends at the event; range of the output in the step over the step size */
     scalar *at_first;         /* [nevents] outputs minus levels at the first event of the step */
     scalar *samples;          /* outputs minus levels at places between the ends of the step */
     scalar around_event[2];   /* times in the step that bracket the event at its end */
@@ -195,7 +195,7 @@ struct ordernm_motion {
     int nheld, nwatched;      /* numbers of switches with held modes, and of these switches and events together */
     int *held;                /* [nheld] numbers of the switches with held modes */
     scalar *modes, *switches; /* [nswitches] modes, and switching functions */
-    scalar *crossed;          /* [nswitches] rates of switching functions in the previous step, if it ended at their zero; else 0 */
+    scalar *crossed;          /* [nswitches] `paces` of switching functions in the previous step, if it ended at their zero; else 0 */
     scalar *dswitches, *switch_along; /* [nswitches][LANES]; [ngroups][LANES] */
     scalar *input_rates, *no_dp; /* [ninputs]; zeros, [np] */
     scalar *changed;          /* [nswitches] times of the last changes of modes */
@@ -208,7 +208,7 @@ struct ordernm_motion {
     scalar *passing_speed;    /* [nswitches] rates of switching functions when they were passed last */
     scalar *switch_errors;    /* [nswitches][2] errors of switching functions, see timing.c */
     scalar *switch_time;      /* [ngroups][LANES] derivatives of the time of the last switch of an output with an event */
-    scalar *speeds;           /* [nswitches] rates of the functions of switches with a jump before they were passed; else 0 */
+    scalar *speeds;           /* [nswitches] rates of switching functions before switches just passed with a jump of rates; else 0 */
     int ntogether, *together; /* number of switches passed at the same time, and these switches in their order */
     int together_jump;        /* rates jump at one of these switches */
     scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of these switches; scratch */

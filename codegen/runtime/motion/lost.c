@@ -18,7 +18,7 @@ static const scalar MOVES = 1e-7;
 /* Fraction of the motion's duration within which a result is at the time of a switch. */
 static const scalar SAMPLED = 1e-12;
 
-/* The same limit at the start of the motion and at knots of inputs, where only rounding errors occur. */
+/* Replaces MOVES for switches at the start of the motion, and for results at a switch at its end: only rounding errors occur there. */
 static const scalar ROUNDED = 1e-12;
 
 /* A jump of a rate is suspected if the change between neighbouring stages is at least PART_OF_STEP of all changes in the step. The jump is
@@ -269,7 +269,7 @@ static void look_at_points(ordernm_motion *m, const trial *step)
     }
 }
 
-/* Relative motion, by a direction at a state, of the switch whose derivatives are in m->switch_along. */
+/* Change, along a direction, of the switching function whose derivatives are in m->switch_along, relative to the size of the direction. */
 static scalar moves_switch(const ordernm_motion *m, const scalar *z, int n, int lane)
 {
     const group *const g = m->groups + n;

@@ -34,7 +34,7 @@ typedef struct {
     ordernm_scalar *step, *position, *condition;
     const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents */
     const ordernm_scalar *rate_weights; /* weights of qdot in Hessian products */
-    const ordernm_scalar *found_dudot; /* tangents of udot, which the forward run has found; then come the results */
+    const ordernm_scalar *found_dudot; /* tangents of udot, known from the forward run; the next members are results */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
     ordernm_scalar *work;
@@ -66,19 +66,19 @@ enum { ORDERNM_SIGN, ORDERNM_POWER, ORDERNM_ROOT, ORDERNM_TURN, ORDERNM_POINT };
 
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
-    int plain_rates;                       /* the time derivatives of the coordinates are the speeds */
+    int plain_rates;                       /* whether the time derivatives of the coordinates are the speeds */
     long workspace;                        /* doubles */
     int nfree_q, nfree_u;                  /* numbers of independent coordinates and speeds */
     const int *free_q, *free_u;            /* indices of independent coordinates and speeds */
     int nquaternions;
     const int *quaternion;                 /* index of the first component of each in q */
     int nkept;
-    const int *kept;                       /* retained closure conditions */
+    const int *kept;                       /* indices of the retained closure conditions */
     int ndropped;
     const int *dropped;                    /* indices of the conditions that were dropped as redundant */
-    ordernm_scalar apart;                  /* largest residual of the dropped conditions */
-    ordernm_scalar slack;                  /* largest residual of retained conditions that are nearly redundant */
-    int split;                             /* a joint has both independent and dependent speeds */
+    ordernm_scalar apart;                  /* largest residual that the dropped conditions may have */
+    ordernm_scalar slack;                  /* largest residual that retained, nearly redundant conditions may have */
+    int split;                             /* whether a joint has both independent and dependent speeds */
     int nswitches;                         /* number of switching functions, at whose zeros forces or outputs change their branch */
     const int *switch_kind;                /* kind of each switch, see ORDERNM_SIGN */
     const int *drives;                     /* whether forces (1) or prescribed motion (2) depend on each switch */
@@ -88,7 +88,7 @@ typedef struct {
     int nmoving;                           /* number of inputs of prescribed motion */
     const int *moving;                     /* indices of these inputs; the last 2*nmoving inputs are their rates and accelerations */
     /* Functions that were not generated are 0. */
-    const ordernm_precise *precise;        /* must be set when ordernm_go requests it */
+    const ordernm_precise *precise;        /* to be set when ordernm_go returns ORDERNM_IMPRECISE */
     ordernm_function *state_rates, *closing_step, *completion, *outputs, *switches;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
         *output_sensitivities[ORDERNM_WIDTHS], *switch_sensitivities[ORDERNM_WIDTHS];
@@ -96,7 +96,7 @@ typedef struct {
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
     ordernm_function *coordinate_rate_hessian_products[ORDERNM_WIDTHS]; /* only if rates of coordinates are not speeds */
-    ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* weights with tangents, and the gradient among the results */
+    ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* tangents of the gradient of b.udot, with tangents of b; also the gradient */
 } ordernm_system;
 
 /* ---- Input. ---- */
@@ -141,13 +141,13 @@ typedef struct {
     long ntimes;
     const ordernm_scalar *times; /* increasing times of results, from start to end; ntimes 0: at every step */
     ordernm_scalar step;      /* step size of ORDERNM_RK4; for other methods the first step size, 0 to choose it */
-    int fixed;                /* other methods also use the size `step` throughout, whatever their errors */
+    int fixed;                /* whether other methods also use the size `step` throughout, whatever their errors */
     ordernm_scalar largest_step; /* 0: no limit */
     long most_steps;          /* 0: no limit */
     ordernm_scalar poor;      /* condition number of loops above which the motion stops with ORDERNM_POOR between steps; 0: no limit */
     ordernm_scalar looked_at; /* replaces `poor` by 3*looked_at until the condition number falls below `poor` */
     ordernm_scalar rtol;
-    const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; followed by the nq coordinates if nothing is independent */
+    const ordernm_scalar *atol; /* [nfree_q + nfree_u + nintegrals]; then nq entries for the coordinates if nothing is independent */
     const ordernm_scalar *atol_directions; /* [ndirections]: tolerances of sensitivities; 0: only errors of the state count */
     int nintegrals;
     const int *integrals;     /* outputs to integrate over time */
@@ -168,7 +168,7 @@ enum {
     ORDERNM_UNDETERMINED, /* small errors of independent speeds become large errors of dependent speeds, for example at a dead point */
     ORDERNM_SLIDING,     /* rates on both sides of a switch drive the motion back to it: see component */
     ORDERNM_ACCUMULATED, /* switches occur faster and faster: see component */
-    ORDERNM_APART,       /* a dropped condition, see component, would exceed its largest residual */
+    ORDERNM_APART,       /* the residual of a dropped condition, see component, would exceed `apart` of the system */
     ORDERNM_REFUSED      /* at_knot has ended the motion */
 };
 
@@ -182,8 +182,8 @@ typedef struct {
     long steps_capacity, steps_count;
     /* Events that occurred, and their numbers, as rows of ordernm_event_size. Each contains a row as above, time derivatives of
      * coordinates [nq], speeds [nu] and outputs, and derivatives of the time if the output has jumped over its level. The last entry is
-     * the average rate of the output in the step, units/s; ORDERNM_JUMPED for a jump with an input, or ORDERNM_JUMPED_BY_STATE for one at
-     * a switch. The row describes the state after the jump. Not stored if events is 0. */
+     * the range of the output in the step over the step size, units/s; after a jump, it is ORDERNM_JUMPED (with an input) or
+     * ORDERNM_JUMPED_BY_STATE (at a switch), and the row describes the state after the jump. Not stored if events is 0. */
     ordernm_scalar *events;
     int *which;
     long events_capacity, events_count; /* up to twice the number of events may occur at once */
@@ -201,7 +201,7 @@ typedef struct {
     ordernm_scalar t;         /* time reached */
     int singular;             /* status of the function that failed */
     int grazed;               /* 0, or 1 + index of a switch that was only touched: derivatives do not exist from there on */
-    int not_held;             /* 0, or 1 + index of a switch that was passed although held rates are undefined after it: derivatives lack its jump */
+    int not_held;             /* 0, or 1 + index of a switch that was passed although its branch has no value beyond it: derivatives lack its jump */
     int together, together_with; /* 0, or 1 + indices of the last two switches passed at the same time, with a jump of rates or of an event's output */
     ordernm_scalar together_at; /* time of these switches: if their order matters, the adjoint does not exist */
     int ordered;              /* the order of these switches matters along a direction, whose derivatives are NaN from there on */
@@ -293,7 +293,7 @@ int ordernm_backwards(ordernm_adjoint *adjoint, const ordernm_scalar *steps, lon
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Repeats stored steps. The function reads the whole first row, the heads of all other rows, and the data before the first step. A head has
- * ORDERNM_STEP_HEAD numbers and, in models with switches, modes and rates of crossed switches. */
+ * ORDERNM_STEP_HEAD numbers and, for each switch, its mode and whether it was crossed at the start of the step. */
 enum { ORDERNM_STEP_HEAD = 6 };
 int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_scalar *steps, long count);
 
@@ -320,8 +320,8 @@ typedef struct ordernm_curvature ordernm_curvature;
  * time. It stores the states at the stages of these steps as records [count][all], and the times and weights of integrands at the stages as
  * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
  * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
- * gives the record of the state at the end. Then, for each functional: ordernm_hessians_turn, the parts backwards, and
- * ordernm_hessians_end. Sources of integrands are [count][all], or 0. */
+ * gives the record of the state at the end. Then, for each functional, call ordernm_hessians_turn, ordernm_hessians_backwards for each part
+ * from the last to the first, and ordernm_hessians_end. Sources of integrands are [count][all], or 0. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);

@@ -10,7 +10,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Rate of a switching function at its zero, relative to the average rate in the step, below which the function only touches zero. */
+/* Rate of a switching function at its zero, relative to its range in the step over the step size, below which it only touches zero. */
 static const scalar GRAZING = 1e-9;
 
 /* Fractions of the motion's duration: switches accumulate if they are passed within the first fraction; if a switch is passed twice within

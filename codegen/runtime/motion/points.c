@@ -18,8 +18,8 @@ static const scalar BESIDE_STEP = 5.0, AT_POINT_BESIDE = 1e-12;
 
 /* On each side, rates are evaluated at AWAY distances from the point, relative to the step, the farthest first. Rates have no limit at the
  * point if the changes between these distances do not decrease. Near the point, the limit follows by Aitken's rule, which is exact for a
- * power of the distance; farther away, by a parabola. Derivatives along a direction do not exist if both limits show a jump: rounding
- * errors, as in (1 - cos(x))/x^2, disturb the limit from near values, and square roots the limit from values farther away. */
+ * power of the distance; farther away, by a parabola. Derivatives along a direction do not exist if the limits from near values and those
+ * from values farther away both show a jump: rounding errors, as in (1 - cos(x))/x^2, disturb the former, and square roots the latter. */
 enum { AWAY = 3, SIDES = 2*AWAY, SETS = ORDERNM_SIDES/SIDES };
 static const scalar DISTANCE[SETS][AWAY] = {{1e-2, 1e-3, 1e-4}, {0.27, 0.09, 0.03}};
 static const scalar CONVERGES = 0.8;
@@ -165,7 +165,7 @@ static int look_at_places(ordernm_motion *m, const trial *step)
     return some;
 }
 
-/* Finds the next singular point in the step, for functions after `point->which`; returns whether there is one. */
+/* Finds the next singular point in the step, for functions after `found->which`; returns whether there is one. */
 int ordernm_next_point(ordernm_motion *m, const trial *step, point *found)
 {
     const ordernm_system *const s = m->system;

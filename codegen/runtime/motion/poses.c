@@ -15,7 +15,8 @@ static const scalar STRAIGHT = 0.03;
  * far on either side. A step that starts nearer must be very small. */
 static const scalar NEAR = 0.1;
 
-/* Fits a straight line through n points, and computes its zero. Returns the sum of squares of the residuals, in units of the values. */
+/* Fits a straight line through n points, and computes its zero. Returns the sum of squares of the residuals, relative to that of the
+ * deviations of the values from their mean. */
 static scalar zero_of_line(const scalar *t, const scalar *s, int n, scalar *zero)
 {
     scalar mean_t = 0.0, mean_s = 0.0, tt = 0.0, ts = 0.0, ss = 0.0;

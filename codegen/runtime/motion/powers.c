@@ -93,8 +93,8 @@ static int have_one_zero(ordernm_motion *m, const trial *step)
     return 1;
 }
 
-/* The root at whose zero the motion begins with a speed; -1 if the motion begins at rest there, or if another root has another zero at the
- * start. `some` receives the last root at whose zero the motion begins, else -1. Marks the root as passed at the start. */
+/* The root at whose zero the motion begins, and whose function has a rate there; -1 if the rate is zero, or if another root has another
+ * zero at the start. `some` receives the last root at whose zero the motion begins, else -1. Marks the root as passed at the start. */
 static int root_at_start(ordernm_motion *m, int *some)
 {
     const trial none = {.event = -1};
@@ -112,9 +112,9 @@ static int root_at_start(ordernm_motion *m, int *some)
     return first >= 0 && !rests && have_one_zero(m, &none) ? first : -1;
 }
 
-/* If the motion begins with a speed at the zero of a root, the first step treats the root as one that was just passed. Rates of derivatives
- * along directions that move this zero are infinite at the start, but not needed: they are set to zero. If the motion begins at the zero of
- * a root in another way, returns this root, since some derivatives may not exist; else -1. */
+/* If the motion begins at the zero of a root that has a rate, the first step treats the root as one that was just passed. Rates of
+ * derivatives along directions that move this zero are infinite at the start, but not needed: they are set to zero. If the motion begins at
+ * the zero of a root in another way, returns this root, since some derivatives may not exist; else -1. */
 int ordernm_begin_at_root(ordernm_motion *m)
 {
     int some;

@@ -24,10 +24,10 @@ enum {
 /* Convergence rate of Newton's method below which J is kept. */
 static const scalar FAST = 1e-3;
 
-/* Residual of the stages' equations, relative to the tolerances. */
+/* Largest change of the stages, in tolerances, at which Newton's method has converged. */
 static const scalar SOLVED = 0.03;
 
-/* Factor on the residual if there are directions. */
+/* Factor on SOLVED if there are directions, if steps are stored for the adjoint, or if steps are constant. */
 static const scalar CLOSER = 1e-2;
 
 /* The step size and the factors are kept if the next step could be larger by at most this factor. */
@@ -74,9 +74,9 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = (int *)ordernm_take(&of, (n + 1)*sizeof(int));
     r->column = ordernm_numbers(&of, square);
     r->jacobian = ordernm_numbers(&of, (long)n*n);
-    /* Jacobians at the stages are formed if they need fewer calls than sweeps do. Jacobians need calls for all columns, and for S along
-     * every group; sweeps need at least three calls for every group. For larger orders, factors of three times the order cost more than
-     * sweeps (measured: 0.7 as much at order 8, twice as much at 35). */
+    /* Jacobians at the stages are formed if they need fewer calls than sweeps do. Jacobians need calls for all columns, and one call for
+     * every group of directions; sweeps need at least three calls for every group. For larger orders, factors of three times the order
+     * cost more than sweeps (measured: 0.7 as much at order 8, twice as much at 35). */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);

@@ -20,7 +20,7 @@ struct radau {
     scalar *column;           /* [order][count] of -J */
     scalar *jacobian;         /* [n][n] */
     int formed;               /* whether Jacobians at the three stages are formed in every step */
-    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] Jacobians at the stages; [n][LANES] derivatives of rates along S */
+    scalar *at_stage[STAGES], *along[STAGES]; /* [n][n] Jacobians at the stages; [n][LANES] derivatives of rates along those of z */
     scalar *whole, *of_whole; /* [3 n][3 n] factors of the equations of all three stages, [3 n][LANES] their solutions */
     int *whole_pivot;
     scalar *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
@@ -31,7 +31,7 @@ struct radau {
     scalar *stage[STAGES], *last[STAGES]; /* Z of this step, and of the last accepted one */
     scalar *right[STAGES], *scratch[5];   /* [n][LANES] */
     scalar *scale;            /* [n] tolerances */
-    scalar *infinite;         /* [n] 1 where a column of a Jacobian at the stages was not finite and is replaced by zeros */
+    scalar *infinite;         /* [n] 1 for columns of the stages' Jacobians with entries that were not finite, and were set to zero */
     int tried, jacobian_here; /* jacobian_here: J was computed at z */
     int formed_here;          /* the Jacobian at z is known: it was formed at the last stage of the previous step */
     long segment;             /* piece of the inputs' spline in the last tried step */

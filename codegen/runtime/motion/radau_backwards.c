@@ -29,8 +29,8 @@ static const scalar FOUND = 1e-13;
 /* For each kind of factors: slowest decrease of changes per round; and change at which rounding may prevent a further decrease. */
 static const scalar SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
 
-/* The relative change of the solution, the largest of all lanes, for coordinates and for speeds. With `loose`, quantities that are
- * negligible within the step need less accuracy. NaN if changes are not finite. */
+/* The relative change of the solution, the largest of all lanes, separately for coordinates and for speeds. In `loose`, the size of each
+ * includes the effect of the other within the step, so that negligible entries need less accuracy. NaN if changes are not finite. */
 static scalar relative(const ordernm_adjoint *a, scalar h, scalar *const *change, scalar *const *mu, scalar *loose)
 {
     const ordernm_motion *const m = a->motion;
@@ -87,7 +87,8 @@ static int solve(ordernm_adjoint *a, scalar h, int factors, scalar *const *right
     return 0;
 }
 
-/* Adds the derivatives of the stages' rates, weighted by the solution of the equations, to lambda and to the gradients of a group. */
+/* Solves the transposed equations in rounds. Adds the derivatives of the stages' rates, weighted by the solution, to lambda and to the
+ * gradients of a group. Returns 0, the status of a function, DIVERGED or INFINITE. */
 static int equations_transposed(ordernm_adjoint *a, int n, scalar h, scalar *const *right, scalar *lambda)
 {
     ordernm_motion *const m = a->motion;

@@ -32,8 +32,9 @@ int ordernm_radau_differentiate(ordernm_motion *m, scalar t, const scalar *z, sc
     return 0;
 }
 
-/* Coordinates whose rates are speeds by the given Jacobians are eliminated: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the complex
- * value. The column of J for e, divided by s, is added to the column of the partner; the column times b[e]/s is added to the right side. */
+/* Eliminates coordinates e whose rates are speeds, as the given Jacobians show: x[e] = (b[e] + x[partner])/s, where s is REAL/h or the
+ * complex value. The column of J for e, divided by s, is added to the column of the partner; the column times b[e]/s is added to the right
+ * side. */
 static void reduce(const struct radau *r, int count, scalar *const *jacobian, reduction *to)
 {
     const int n = r->n;
@@ -276,8 +277,8 @@ void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const 
 
 /* ---- The equations of all stages at once, each with its own Jacobian. ---- */
 
-/* A^-1 dZ/h - J dZ at each stage with its own J, all three at once. If the rate of a coordinate is a speed, dZ of the coordinate is h A
- * times dZ of the speed, plus the coordinate's right side. Returns 1 if the matrix is singular. */
+/* Factorises the equations of all three stages at once: A^-1 dZ/h - J dZ, with J of each stage. If the rate of a coordinate is a speed, dZ
+ * of the coordinate is h A times dZ of the speed, plus the coordinate's right side. Returns 1 if the matrix is singular. */
 int ordernm_radau_factorise_stages(struct radau *r, scalar h)
 {
     const int n = r->n;

@@ -1,10 +1,11 @@
 /* Derivatives of Radau IIA's stages along the directions of a group.
  *
- * These are the derivatives of the step actually made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
- * Jacobian at every stage. For small systems, these Jacobians are formed, and the equations of all three stages are factorised once for all
- * directions; the last Jacobian is also used by Newton's method in the next step. For large systems, the equations are solved in sweeps:
- * the system's functions give the right sides along all directions of a group at once, and the existing factors correct dZ in the same way
- * as Z. If the sweeps fail, Jacobians are formed as for small systems, so that steps are the same with and without directions. */
+ * These are the derivatives of the step actually made, with S at its start: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations
+ * with the exact Jacobian at every stage. For small systems, these Jacobians are formed, and the equations of all three stages are
+ * factorised once for all directions; the last Jacobian is also used by Newton's method in the next step. For large systems, the equations
+ * are solved in sweeps: the system's functions give the right sides along all directions of a group at once, and the existing factors
+ * correct dZ in the same way as Z. If the sweeps fail, Jacobians are formed as for small systems, so that steps are the same with and
+ * without directions. */
 #include "radau.h"
 
 #include <math.h>
@@ -18,8 +19,8 @@ static const scalar SWEPT = 1e-14, ROUNDED = 1e-12;
 /* Lower bound of the convergence factor that is estimated from earlier sweeps, since small entries may converge more slowly. */
 static const scalar LEAST_SLOWNESS = 1e-2;
 
-/* The largest change of a group's directions relative to their size, for coordinates and for speeds. With `loose`, entries that are
- * negligible within the step need less accuracy. NaN if changes are not finite. */
+/* The largest change of a group's derivatives relative to their size, separately for coordinates and for speeds. In `loose`, the size of
+ * each includes the effect of the other within the step, so that negligible entries need less accuracy. NaN if changes are not finite. */
 static scalar change_of(const ordernm_motion *m, const group *g, scalar h, scalar *loose)
 {
     const struct radau *const r = m->radau;

@@ -7,7 +7,7 @@
 /* Condition numbers below this are never too large. */
 static const scalar LEAST_POOR = 10.0;
 
-static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* LEAST_TOO_POOR for constant steps */
+static const scalar LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* LEAST_TOO_POOR applies to constant steps */
 
 static const scheme *method_of(const ordernm_problem *p)
 {
@@ -209,7 +209,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
      * distinguish branches only if these are farther apart */
     const scalar by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
-    /* rotated constants in double precision: equal lengths differ by rounding */
+    /* long double does not help here: constants are rotated in double precision, so equal lengths differ by rounding */
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     /* rounding errors of speeds grow with the condition number, in long double with its square */
     m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);

@@ -6,7 +6,7 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* Residual after one more Newton step: the square of the present residual, times the condition number of the closure. */
+/* Loops count as closed if the expected change by one more Newton step is smaller: the square of this step, times the condition number. */
 static const scalar CLOSED = 1e-15;
 
 /* Scaled residual due to rounding of coordinates; angles after many turns are less accurate. */

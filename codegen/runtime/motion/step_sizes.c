@@ -119,7 +119,7 @@ void ordernm_watch_stability(ordernm_motion *m, const trial *step)
     }
 }
 
-/* The end of a step: not beyond the end of the motion or a knot of the inputs, and without a tiny remainder. */
+/* Plans the end of a step: not beyond the end of the motion or a knot of the inputs, and without a tiny remainder. */
 int ordernm_plan(ordernm_motion *m, trial *step)
 {
     const ordernm_problem *const p = m->problem;

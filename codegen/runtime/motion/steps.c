@@ -29,8 +29,9 @@ void ordernm_note_best(ordernm_motion *m)
     if (m->derived && best < m->best) ordernm_take_derivatives(m, best);
 }
 
-/* The end of a step becomes the start of the next one; `knot` is the first knot of the inputs after the start of the completed step. A
- * state interpolated at a pose is already consistent. Repetitions of steps use this function, too, so that rounding errors are the same. */
+/* The end of a step becomes the start of the next one; `knot` is the first knot of the inputs after the start of the completed step.
+ * `settled`: the state was interpolated at a pose, and is already consistent. Repetitions of steps, which pass their stored `modes`, use
+ * this function, too, so that rounding errors are the same. */
 int ordernm_next_step(ordernm_motion *m, scalar end, scalar knot, int settled, const scalar *modes)
 {
     int status;

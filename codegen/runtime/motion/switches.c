@@ -245,8 +245,8 @@ int ordernm_sides(ordernm_motion *m, scalar t, const scalar *z, scalar *sides)
     return status;
 }
 
-/* Sets the mode of a switch whose function is zero at the start, with a zero rate. If the motion leaves this zero to the same side with both
- * modes, the mode is the sign of the function on that side; otherwise 0. Returns 0, or SLIDES if both modes drive the motion back. */
+/* Sets the mode of a switch whose function is zero at the start, with a zero rate. If the motion leaves this zero to the same side with
+ * both modes, the mode is the sign of the function on that side; otherwise 0. Returns 0, or SLIDES if both modes drive the motion back. */
 static int choose_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
 {
     const scalar duration = m->problem->end - m->problem->start, moment = MOMENT*duration;
@@ -262,7 +262,7 @@ static int choose_from_rest(ordernm_motion *m, scalar t, const scalar *z, int k)
         if (!status) status = ordernm_switch_speed(m, t + moment, later, rate, k, way + n);
     }
     m->modes[k] = 0.0;
-    if (status || fmin(fabs(way[0]), fabs(way[1]))*duration <= ROUNDED*MOMENT) return 0; /* the latter by rounding errors */
+    if (status || fmin(fabs(way[0]), fabs(way[1]))*duration <= ROUNDED*MOMENT) return 0; /* such small rates are rounding errors */
     if (sign_of(way[0]) == sign_of(way[1])) m->modes[k] = sign_of(way[0]);
     else if (way[0] > 0.0) m->results->component = k;
     return way[0] > 0.0 && way[1] < 0.0 ? SLIDES : 0;
@@ -452,8 +452,8 @@ int ordernm_arrive_at_knot(ordernm_motion *m)
     return status;
 }
 
-/* Compares the rates of a switching function that is zero at a knot of the inputs before and after the knot. If they differ and rates of the
- * state jump at the switch, it is added to m->bent. `stays`: the function remains zero. Returns the status of a function. */
+/* Compares the rates of a switching function that is zero at a knot of the inputs before and after the knot. If they differ and rates of
+ * the state jump at the switch, it is added to m->bent. `stays`: the function remains zero. Returns the status of a function. */
 static int bend_at_knot(ordernm_motion *m, int k, int *stays)
 {
     scalar speed;

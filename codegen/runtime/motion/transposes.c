@@ -29,7 +29,7 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scal
     }
 }
 
-/* Memory for results of transposes; entries that a function does not set remain zero. */
+/* Clears the memory for results of transposes, because functions do not set all entries. */
 static void clear(ordernm_adjoint *a, ordernm_call *c)
 {
     const ordernm_system *const s = a->motion->system;
@@ -41,7 +41,7 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
     c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
 }
 
-/* A state whose loops were closed before. */
+/* Arguments at a state whose loops were closed before; q contains its coordinates. */
 static void closed(ordernm_adjoint *a, scalar t, const scalar *z, scalar *q, ordernm_call *c)
 {
     ordernm_arguments(a->motion, t, z, c);
@@ -100,7 +100,7 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, scalar t, const scal
     return status;
 }
 
-/* Adds to nu what the weights of outputs at one time contribute, [nfunctionals][ntimes][noutputs], for a group of functionals. */
+/* Adds to nu the contribution of weighted outputs at one time, for a group of functionals. Weights are [nfunctionals][ntimes][noutputs]. */
 static int outputs_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const scalar *weights, long ntimes, long time, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
@@ -132,7 +132,8 @@ static void take_weights(ordernm_adjoint *a, int n, const scalar *of_q, const sc
     }
 }
 
-/* Adds to nu what the weights of all coordinates and speeds contribute, at a state with closed loops. Sets the weights to zero. */
+/* Adds to nu the contribution of weighted coordinates and speeds, dependent ones included, at a state with closed loops. Sets the weights
+ * to zero. */
 static int completion_transposed(ordernm_adjoint *a, int n, ordernm_call *c, scalar *nu)
 {
     ordernm_motion *const m = a->motion;
@@ -154,7 +155,7 @@ static int completion_transposed(ordernm_adjoint *a, int n, ordernm_call *c, sca
     return status;
 }
 
-/* Adds to nu what the weights of states contribute; the results of a motion have normalised quaternions. */
+/* Adds to nu the contribution of weighted states at one time; the results of a motion have normalised quaternions. */
 static int states_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const scalar *weights, long ntimes, long time, scalar *nu)
 {
     const ordernm_system *const s = a->motion->system;
@@ -165,7 +166,7 @@ static int states_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const s
     for (int i = 0; i < s->nquaternions; ++i) {
         scalar e[4];
         memcpy(e, c->q + s->quaternion[i], sizeof e);
-        ordernm_normalise(e, a->weights_q + s->quaternion[i]*width, width); /* the derivative is a symmetric matrix */
+        ordernm_normalise(e, a->weights_q + s->quaternion[i]*width, width); /* this derivative is a symmetric matrix */
     }
     return completion_transposed(a, n, c, nu);
 }
@@ -192,7 +193,7 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, scalar t, const scalar 
     return results_transposed(a, n, t, z, g->weights, g->state_weights, g->ntimes, --a->sampled[n], nu);
 }
 
-/* Adds the weights after a jump at the start of the current step. */
+/* Adds the contributions of weighted outputs just after a jump at the start of the current step. */
 int ordernm_sample_behind(ordernm_adjoint *a)
 {
     const ordernm_motion *const m = a->motion;
@@ -209,7 +210,8 @@ int ordernm_sample_behind(ordernm_adjoint *a)
     return 0;
 }
 
-/* The adjoint of a group before a switch where rates jump by -`jump`, with the rate `speed` of its switching function. */
+/* The adjoint of a group before a switch where rates jump by -`jump`, with the rate `speed` of its switching function. `timed`: functionals
+ * also depend on the time of the switch. */
 int ordernm_switch_transposed(ordernm_adjoint *a, int n, scalar t, const scalar *z, int k, const scalar *jump, scalar speed,
     int timed)
 {

@@ -36,7 +36,7 @@ def _again(kind: type[Exception], message: str) -> Exception:
 
 
 class SingularJointError(_Remembering, np.linalg.LinAlgError):
-    """A joint's acceleration is not determined, because nothing outboard of the joint has inertia about it.
+    """A joint's acceleration is not determined, because nothing outboard has inertia along the joint's degree of freedom.
 
     Attributes
     ----------

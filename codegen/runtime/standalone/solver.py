@@ -55,7 +55,7 @@ class Solver(Package):
         The generated package.
     target : {"c", "numpy", "both"}, optional
         The code that computes. Default: the target that the package was generated for. With "both", loading compares
-        the two first; then the C computes. Without a C compiler the NumPy module computes, and a warning says so.
+        the two first; then the C code computes. Without a C compiler the NumPy module computes, and a warning says so.
 
     Raises
     ------
@@ -369,9 +369,9 @@ class Solver(Package):
     ) -> tuple[Array, Array]:  # fmt: skip
         """Return a consistent state: loops closed, quaternions of unit length.
 
-        Loops stay on the branch of the guess. A guess whose dependent coordinates belong to a closed state, at other
-        independent coordinates or another time, is followed from that state along the straight line between the two. The
-        initial state is followed likewise, from the default parameters and t = 0.
+        Loops stay on the branch of the guess. A guess far from a closed state may have the dependent coordinates of a state
+        that is closed at other independent coordinates, or at another time. Assembly then follows the loops from that state
+        along a straight line to the guess. It follows the initial state likewise, from the default parameters and t = 0.
 
         Parameters
         ----------
@@ -462,8 +462,8 @@ class Solver(Package):
     ) -> tuple[Array, Array]:
         """Return the scaled residuals of the loops in position and velocity.
 
-        Residuals of linear conditions are divided by the loop's characteristic length. Velocities are those of u as it is
-        passed, dependent entries included.
+        Residuals of linear conditions are divided by the loop's characteristic length. All entries of u are used as they
+        are passed, also the dependent ones.
 
         Parameters
         ----------
@@ -492,10 +492,11 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """Return the position residuals of the loops, and how much completed seeds open them.
+        """Return the position residuals of the loops and their total derivatives along seeds.
 
-        The derivatives are zero to rounding, unless conditions are redundant and a direction breaks them, such as a parameter
-        that bends a planar loop out of its plane. No derivative of the motion exists along such a direction.
+        Dependent entries of the seeds follow from closure. The derivatives are then zero to rounding, unless a direction
+        breaks redundant conditions, such as a parameter that bends a planar loop out of its plane. No derivative of the
+        motion exists along such a direction.
 
         Parameters
         ----------
@@ -579,10 +580,10 @@ class Solver(Package):
     def condition(self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0) -> Array:
         """Return the worst condition number of the closure matrices, for each partition.
 
-        The closure matrix has the columns of the dependent speeds. Its condition is 1 at best, and infinite where a loop has
-        lost rank, as at a dead point of the independent coordinates. It is the change of dependent speeds per unit of a
-        residual. For n dependent speeds it is ``|A^-1| max(|A|, sqrt(n))/n`` in the Frobenius norm, and ``1/|A|`` for a single
-        one; lengths are in parts of the characteristic length. Other threads may use the solver meanwhile.
+        The closure matrix A has a column for each of n dependent speeds. Its condition number is 1 at best, and infinite
+        where a loop has lost rank, as at a dead point of the independent coordinates. It measures the change of dependent
+        speeds per unit of a residual: ``|A^-1| max(|A|, sqrt(n))/n`` in the Frobenius norm, and ``1/|A|`` if n = 1. The unit
+        of length is the characteristic length. Other threads may use the solver meanwhile.
 
         Parameters
         ----------
@@ -697,8 +698,8 @@ class Solver(Package):
             w' = v + N^+ (D(N u)[N w] - D(N w)[N u])        v' = D udot[N w] + (d udot/du) v
 
         At rest w' = v. In motion the term N^+ (...) is not zero for quaternions and free joints, whose axes turn with the
-        body: for a rotation w' = v + w x u. About a state that moves, A and forces that depend on t are those of the
-        instant.
+        body: for a rotation w' = v + w x u. About a moving state, A and all forces that depend on t are evaluated at the
+        time t.
 
         Examples
         --------
@@ -722,7 +723,7 @@ class Solver(Package):
         """Return the equations of motion as ``y' = f(t, y)``, with exact Jacobian, for integrators such as SciPy's `solve_ivp`.
 
         y holds the independent coordinates, then the independent speeds; loops stay closed. `simulate` is faster, locates the
-        times at which forces jump, and changes independents near dead points.
+        times at which forces jump, and changes the independent coordinates near dead points.
 
         Parameters
         ----------
@@ -806,7 +807,7 @@ class Solver(Package):
     ) -> Gradients:
         """Return gradients of ``sum_i weights_i udot_i``, exact to rounding.
 
-        They are ``weights^T J`` for the Jacobians J of udot with respect to all arguments, from one sweep back. The
+        They are ``weights^T J`` for the Jacobians J of udot with respect to all arguments, computed in reverse mode. The
         cost does not grow with the number of parameters.
 
         Parameters
@@ -918,7 +919,7 @@ class Solver(Package):
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         weights_q: Numbers = None, weights_u: Numbers = None,
     ) -> Gradients:  # fmt: skip
-        """Return gradients of weighted sums of the assembled state, by the state that it is assembled from.
+        """Return gradients of weighted sums of the assembled state with respect to all arguments.
 
         Parameters
         ----------
@@ -1212,7 +1213,7 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         weights : array_like (..., nu)
-            Weights of the entries of udot, or of the results of `of`.
+            Weights of the entries of udot, or of the results of the function `of`.
         wrt : str or iterable of str, optional
             Variables of rows and columns: names among q, u, p, inputs and t, used in this order. Default: all.
         of : str, optional
@@ -1249,9 +1250,10 @@ class Solver(Package):
     ) -> EquilibriumProducts:  # fmt: skip
         """Return products of the Hessian of ``sum_i weights_q_i q_i`` of an equilibrium with directions, exact to rounding.
 
-        The equilibrium moves with parameters and inputs; these are the changes of the gradient of the sum, of which
-        `Equilibrium.dq` holds the parts, along the directions. The function needs `hessian_products`, generated on
-        request with ``--functions``; for loops also `assemble_hessian_products` and `assemble_gradients`.
+        The equilibrium depends on parameters and inputs. The gradient of the sum is the weighted sum of the columns of
+        `Equilibrium.dq`; the products are the changes of this gradient along the directions. The function needs
+        `hessian_products`, generated on request with ``--functions``; for loops also `assemble_hessian_products` and
+        `assemble_gradients`.
 
         Parameters
         ----------
@@ -1470,7 +1472,7 @@ class Solver(Package):
         Returns
         -------
         M : ndarray (..., nu, nu)
-            The mass matrix; (..., n, n) with closed loops.
+            The mass matrix; with closed loops (..., n, n), for the n independent speeds.
         dM : ndarray (k, ..., nu, nu)
             Its derivative along each direction.
 
@@ -1505,7 +1507,7 @@ class Solver(Package):
         Returns
         -------
         ndarray (..., nu)
-            Generalised forces M udot - K, N m or N; (..., n) with closed loops.
+            Generalised forces M udot - K, N m or N; with closed loops (..., n).
 
         Examples
         --------
@@ -1536,7 +1538,7 @@ class Solver(Package):
         Returns
         -------
         force : ndarray (..., nu)
-            Generalised forces, N m or N; (..., n) with closed loops.
+            Generalised forces, N m or N; with closed loops (..., n), for the n independent speeds.
         dforce : ndarray (k, ..., nu)
             Their derivative along each direction.
 
@@ -1571,7 +1573,7 @@ class Solver(Package):
         Returns
         -------
         ndarray (..., nu)
-            Generalised forces, N m or N; (..., n) with closed loops.
+            Generalised forces, N m or N; with closed loops (..., n), for the n independent speeds.
 
         Examples
         --------
@@ -1603,7 +1605,7 @@ class Solver(Package):
         Returns
         -------
         force : ndarray (..., nu)
-            Generalised forces, N m or N; (..., n) with closed loops.
+            Generalised forces, N m or N; with closed loops (..., n), for the n independent speeds.
         dforce : ndarray (k, ..., nu)
             Their derivative along each direction.
 
@@ -1726,7 +1728,7 @@ class Solver(Package):
     ) -> Array:  # fmt: skip
         """Return the generalised forces that prescribed motion needs, in addition to the model's own forces.
 
-        The power of such a force is force times rate of the prescribed coordinate.
+        The power of each force is the force times the rate of its prescribed coordinate.
 
         Parameters
         ----------
@@ -1807,8 +1809,8 @@ class Solver(Package):
             force included. NaN for a body on a fixed joint, which is merged with the body that carries it.
         loops : ndarray (..., nloops, 6)
             The same for each loop joint, exerted on its ``to`` body about the origin of the face there. Where redundant
-            conditions leave these wrenches undetermined, the values have the least sum of squares of moments, and
-            forces times the characteristic length, in each closure group.
+            conditions leave these wrenches undetermined, the values minimise a sum of squares in each closure group: of
+            the moments, and of the forces times the characteristic length.
 
         Examples
         --------
@@ -1878,7 +1880,7 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
+            Names of n bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
@@ -1912,7 +1914,7 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
+            Names of n bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
@@ -1953,7 +1955,7 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         bodies : str or sequence of str, optional
-            Names of bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
+            Names of n bodies. A single name gives arrays without the axis n. Default: all bodies, in the order of the
             model.
 
         Returns
@@ -1992,8 +1994,8 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
-            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
+            The n points: names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``)
+            and a place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
 
@@ -2019,8 +2021,8 @@ class Solver(Package):
     ) -> tuple[PointMotion, PointMotion]:  # fmt: skip
         """Return the motions of `points` and their total derivatives along seeds.
 
-        Where parameters move a point of the model in its body, the derivative along dp includes that. A place that is
-        given as numbers is constant.
+        Where parameters move a point of the model in its body, the derivative along dp includes this movement. A place that
+        is given as numbers is constant.
 
         Parameters
         ----------
@@ -2031,8 +2033,8 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
-            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
+            The n points: names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``)
+            and a place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
         accelerations : bool, optional
             Also compute accelerations, which requires the forward dynamics.
         dq, du, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), ..., optional
@@ -2058,7 +2060,7 @@ class Solver(Package):
         self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
         points: Points = None,
     ) -> Array:  # fmt: skip
-        """Return the geometric Jacobians of points.
+        """Return the geometric Jacobians of points fixed in bodies.
 
         Parameters
         ----------
@@ -2069,8 +2071,8 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         points : str, pair, or list of both, optional
-            Names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``) and a
-            place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
+            The n points: names of points of the model, names of bodies (their origins), or pairs of a body (or ``"ground"``)
+            and a place (3,) in its frame, m. A single one gives arrays without the axis n. Default: all points of the model.
 
         Returns
         -------
@@ -2146,8 +2148,8 @@ class Solver(Package):
     ) -> Viewer:  # fmt: skip
         """Show the mechanism in a browser, with sliders for independent coordinates and design parameters.
 
-        The package must have been generated with frames. Loops stay closed; where they cannot, the view says so and stays
-        as it was. In a notebook the result shows itself.
+        The package must have been generated with frames. Loops stay closed; where they cannot be closed, the view says so
+        and does not change. A notebook displays the result as the view.
 
         Parameters
         ----------
@@ -2166,7 +2168,7 @@ class Solver(Package):
         Returns
         -------
         Viewer
-            The view: its address `url`, `html` writes it to a page, `close` ends it.
+            The view: `url` is its address, `html` writes it to a page, `close` ends it.
 
         Raises
         ------
@@ -2236,7 +2238,7 @@ class Solver(Package):
         most_steps : int, optional
             Maximum number of steps.
         events : sequence of Event or str, optional
-            Outputs that cross a level; for a name alone, zero. The motion ends at the first event with `stop`.
+            Outputs that cross a level; a name alone means the level zero. The motion ends at the first event with `stop`.
         controller : callable or pair of callable, optional
             A function of a `Sample`, called at the start and then every `period`; alone, or with its Jacobian. It returns
             the inputs until the next sample, as an array or by name: all signals that `inputs` does not contain. See
@@ -2272,9 +2274,9 @@ class Solver(Package):
 
         The Jacobian of a controller is a function of the same `Sample`. It returns the derivatives of the controller's
         inputs by "q", "u", "outputs", "p" and the previous "inputs", as a mapping of matrices, in which zeros may be left
-        out. A controller with a memory of its own returns derivatives along the directions instead, (k, n), from
-        `Sample.dq` and the others. Without a Jacobian, derivatives keep the controller's values fixed, with a warning. An
-        exception in the controller ends the motion and is raised again.
+        out. A controller with a memory of its own returns the derivatives of its n inputs along the k directions instead,
+        (k, n), computed from `Sample.dq` and the other derivatives. Without a Jacobian, derivatives keep the controller's
+        values fixed, with a warning. An exception in the controller ends the motion and is raised again.
 
         Examples
         --------
@@ -2384,12 +2386,12 @@ class Solver(Package):
         Parameters
         ----------
         digits : int, optional
-            Decimal digits of results, at least 16; ten more are computed. Cancellation costs digits, so compare with a
+            Decimal digits of results, at least 16; computations use ten more. Cancellation costs digits, so compare with a
             result of more digits.
         model : Model or path, optional
-            The model that the package was generated from. Constants that were computed from it are then computed in
-            these digits too; otherwise they are the doubles in the package. Needs a solver that `ordernm.load` has
-            opened.
+            The model that the package was generated from. The constants that `generate` computed from it are then
+            computed again in these digits; without it they are the doubles in the package. Needs a solver that
+            `ordernm.load` has opened.
 
         Returns
         -------

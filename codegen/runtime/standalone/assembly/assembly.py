@@ -25,8 +25,8 @@ STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
 """Offsets of the dependent coordinates, rad or m, tried in turn from a guess at which a loop has lost rank."""
 
 GUESSES = 48
-"""Number of other guesses for the dependent coordinates if the given guess leads to no closed state; their distance
-increases."""
+"""Number of other guesses for the dependent coordinates if the given guess leads to no closed state, at increasing distances
+from the given guess."""
 
 FURTHEST = 3.0
 """Distance between the given guess and the last of the `GUESSES`, rad or m."""
@@ -107,7 +107,7 @@ class Assembly:
         return (q[..., others] == self._initial[others]).all(axis=-1)
 
     def is_turned(self, q: Array, x: Array) -> NDArray[np.bool_]:
-        """Whether guesses (..., nq) differ from the initial state only in independent coordinates (or the time), by possibly
+        """Whether guesses (..., nq) differ from the initial state only in independent coordinates (or the time), perhaps by
         whole turns.
 
         Such a guess may close the loops without being on the initial state's branch.

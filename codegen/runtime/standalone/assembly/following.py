@@ -63,7 +63,7 @@ class Line(NamedTuple):
     x0, x1 : (n, ...) array
         Parameters; with prescribed motion also the inputs and the time.
     shared : (n, nq) array
-        Coordinates at the ends, for joints that are only partly independent.
+        Coordinates at the ends of the lines; used for joints of which only some speeds are independent.
     """
 
     q0: Array
@@ -133,8 +133,8 @@ class Follower:
     independent : (k,) array of int
         The coordinates that the line prescribes; all others are determined by closing the loops.
     shared : array of int
-        Coordinates of joints that are only partly independent. The predictor aims them at the end of the line; closing the
-        loops removes the part of that motion along dependent speeds.
+        Coordinates of joints of which only some speeds are independent. The predictor aims them at the end of the line;
+        closing the loops removes the part of that motion along dependent speeds.
     """
 
     def __init__(self, newton: Newton, independent: Indices, shared: Indices):

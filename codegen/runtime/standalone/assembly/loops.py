@@ -19,8 +19,8 @@ from .states import States
 POSITION = Wanted("closure", ["position"])
 
 FAR_FROM_NAMED = 1e-3
-"""Change of a dependent coordinate that is given by name, rad or m, above which a warning reports it, if no independent
-coordinate is given."""
+"""rad or m: a user may give dependent coordinates by name, and no independent one. A warning reports a larger change of such a
+coordinate."""
 
 
 class Loops(States):

@@ -44,7 +44,7 @@ NEAREST = 1e-10
 """Length of a Newton step below which residuals of redundant conditions within `slack` count as zero."""
 
 BETTER = 0.64
-"""Factor by which a step below `CLOSED` must reduce the sum of squares for another step to follow."""
+"""With residuals below `CLOSED`, a step must reduce their sum of squares by this factor for another step to follow."""
 
 QUICK, STEPS = 12, 200
 """Maximum number of iterations with full steps, and of iterations along the Newton path."""

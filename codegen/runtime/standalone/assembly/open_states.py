@@ -27,7 +27,7 @@ OPEN = 1e-3
 differences stay below it."""
 
 STAYS = 1e-6
-"""Largest step of Newton's method, rad or m, at which only conditions are open that the dependents cannot meet."""
+"""Length of Newton's step, rad or m, up to which only redundant conditions are open, which dependent coordinates cannot close."""
 
 
 class OpenStates:

@@ -16,7 +16,7 @@ FITTED = 1e-9
 """Scaled residual at which a fit has converged."""
 
 CONSISTENT = 1e-6
-"""Scaled residual up to which a fit succeeds; a guess is expected to have at least this many correct digits."""
+"""Scaled residual up to which a fit succeeds; a guess is expected to have at least six correct digits."""
 
 LARGEST = 0.5
 """The longest step of a fit, rad or characteristic lengths."""

@@ -360,7 +360,7 @@ def name_or_names(what: str, asked: Any) -> tuple[Any, ...]:
 
 
 def has_none(what: str) -> str:
-    """What to do about an argument for which the model has no entries."""
+    """The end of a message about an argument for which the model has no entries."""
     nouns = {"p": "parameters", "inputs": "inputs", "outputs": "outputs"}
     return f"the model has no {nouns.get(what.removeprefix('d'), f'entries of {what}')}; leave {what} out"
 

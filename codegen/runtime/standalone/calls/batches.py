@@ -36,7 +36,7 @@ IN_LANES, ALONE, PER_STATE = 0.05, 0.1, 50
 """Estimated ns of an addition in SIMD lanes, of an addition for a single state, and of the call for each state."""
 
 MATRICES = ("J_q", "J_u", "J_p", "J_inputs", "J_t", "M", "inverse_M")
-"""Functions that return matrices, whose columns are computed as directions."""
+"""Results that are matrices, whose columns are computed as directions."""
 
 WEIGHTS = {"additions": 1, "multiplications": 1, "divisions": 4, "functions": 30}
 """Cost of each kind of operation, in units of an addition."""
@@ -174,9 +174,9 @@ class Batches:
         return (seen >= WORTH_COMPILING or library_of_states(number) in self._libraries) and self.opened(f) is not False
 
     def together(self, f: Function) -> tuple[Callable[[int, int], tuple[int, int, int] | None], Sequence[str], int]:
-        """How ``direct_call.c`` computes a large batch of a function: a function, the names of the arrays, and the size of the
-        workspace. The function returns the number of threads and the addresses of C functions; zeros for one state after
-        another; None for the general path."""
+        """How ``direct_call.c`` computes a large batch of a function: a callable, the names of the arrays, and the size of the
+        workspace. The callable returns the number of threads and the addresses of two C functions. Zeros mean one state
+        after another; None means the general path."""
         over, in_lanes = self._over_states, self._in_lanes(f)
         this, symbol = weakref.proxy(self), self._symbol(f)
 
@@ -223,7 +223,7 @@ class Batches:
         declared = ""
         if not any(
             key.startswith("states") and made for key, made in self._libraries.items()
-        ):  # types declared twice would differ
+        ):  # cffi treats types declared twice as different
             declared = STRIDED.format(self._target.real, ", ".join(self._over_states["arrays"]))
         instead = "the states of a batch are computed one after another"
         return self._apart("states", declared, instead, number=number)

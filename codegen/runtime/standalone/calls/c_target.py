@@ -112,8 +112,8 @@ class CTarget(Target):
         self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
-        """Target of ``x[FEW]`` in ``NAME_calls.c``: a flag, set if the functions for few directions are unavailable,
-        then the addresses of these functions."""
+        """Memory to which ``x[FEW]`` in ``NAME_calls.c`` points: a flag, set if the functions for few directions are
+        unavailable, then the addresses of these functions."""
         self.few_pointer = self.ffi.cast(f"{self.real} *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []

@@ -2,7 +2,7 @@
  * file and defines
  *
  *     number              scalar type of the package
- *     Q, U, ..., RESULTS  indices of pointers in x, arguments and seeds first; size[] are their numbers of entries
+ *     Q, U, ..., RESULTS  indices of pointers in x, arguments and seeds first; size[] contains their numbers of entries
  *     ARGUMENTS, FIRST_SEED, CHECKED, KEPT, UNFIT, NOT_FINITE, FEW_LACK
  *     MOST_WIDTHS, MOST_SEEDS, MOST_RESULTS
  *     QUATERNIONS         indices of quaternions in q, if there are any
@@ -69,7 +69,7 @@ typedef struct {
     long entries[MOST_RESULTS];
 } function;
 
-/* Distance of the directions of a seed or result with n entries in memory. */
+/* Distance in memory between directions of a seed or result with n entries. */
 static long step_of(number *const *x, long at, long n)
 {
     return x[STEPS] ? ((const long *)x[STEPS])[at] : n;
@@ -81,7 +81,7 @@ static long kept(int seed)
     return (long)KEPT << (seed - FIRST_SEED);
 }
 
-/* m rows of a seed, from row `start` on, with the direction as the last index; zeros if the seed is missing. */
+/* Copies m rows of a seed, from row `start` on, to lanes with the direction as the last index; zeros if the seed is missing. */
 static void spread(number *lanes, number *const *x, long given, int seed, long start, long m, int width)
 {
     const long n = size[seed], step = step_of(x, seed, n);

@@ -56,7 +56,7 @@ static block *take_block(pool *p, size_t size)
 
 /* An argument or a seed. */
 typedef struct {
-    long slot, size, needed; /* -1: t, which is passed by value */
+    long slot, size, needed; /* `needed` is -1 for dt, which has no axis of entries */
     PyObject *names;         /* indices of entries by name, or NULL */
     const char *rest;        /* values of entries that a mapping leaves out; NULL for zeros */
     long array;              /* index of the argument in NAME_states, or -1 */

@@ -56,7 +56,7 @@ WEIGHTS = {
 """Names of the seeds of transposed functions in solver methods."""
 
 CURVING = ("b", *(n for n in ARGUMENTS if n.endswith("weights")))
-"""Arguments that hold weights of results; products with second derivatives have no directions for them."""
+"""Arguments that hold weights of results; Hessian products have no directions for them."""
 
 BESIDE = {
     "points": "frames", "point_sensitivities": "frame_sensitivities", "point_accelerations": "frames",

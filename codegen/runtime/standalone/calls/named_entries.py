@@ -52,7 +52,8 @@ def names_of(solver: Any) -> Names:
 def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
     """Replaces the name of a vector, or of a joint of several degrees of freedom, by the names of its entries.
 
-    ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` its independent coordinates.
+    ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` becomes the names of the joint's
+    independent coordinates.
     """
     found: list[Any] = []
     parameters = set(names.parameters)

@@ -136,7 +136,7 @@ static void begin_anew(void)
     atomic_store(&busy, 0);
 }
 
-/* Starts threads until there are `more` in addition to the caller, or as many as the system permits. Only threads of the program receive
+/* Starts threads until there are `more` in addition to the caller, or as many as the system permits. The started threads receive no
  * signals. */
 static void start(int more)
 {

@@ -218,10 +218,10 @@ class Package:
     def operations(self) -> dict[str, Any]:
         """Additions, multiplications, divisions and functions, by function and sweep.
 
-        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` counts one more direction,
-        ``"per_call"`` the work that all directions share. ``"start"`` computes constants, sines and cosines. A sweep
-        that a function runs twice counts twice; each column of a matrix is a direction. ``"solve_in_1"`` is a sweep
-        over directions that runs for values.
+        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` counts operations of one more direction,
+        ``"per_call"`` those that all directions share. ``"start"`` computes constants, sines and cosines. A sweep that a
+        function runs twice counts twice; each column of a matrix is a direction. ``"solve_in_1"`` is the sweep ``"solve_in"``
+        over directions, here run for values.
         """
         by_sweep = self._manifest["operations"]
         run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
@@ -286,7 +286,7 @@ class Package:
             self._prepare(member)
 
     def _needed(self, member: str) -> list[Function]:
-        """The names of the generated functions that a method calls."""
+        """The generated functions that a method calls."""
         names = made_of(self._manifest, member)
         return [f for name, f in self._functions.items() if name in names or MEMBERS.get(name) in names]
 

@@ -96,7 +96,7 @@ class Sliders:
     names, units : sequence of str
     values, low, high : ndarray (n,)
     changed : callable
-        Called with all n numbers, in a thread of its own. The view shows its errors in numbers.
+        Called with all n numbers, in a thread of its own. The view shows the message of an error that it raises.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Sliders:
                 with self.lock:
                     self.changed(self.values.copy())
                 self.message.content = ""
-            except (ValueError, ArithmeticError, RuntimeError) as error:  # the last: a motion that ends
+            except (ValueError, ArithmeticError, RuntimeError) as error:  # such as a motion that ends early
                 self.message.content = str(error)
 
 

@@ -17,7 +17,7 @@ KINDS = {"reactions": "#d55e00", "forces": "#009e73", "torques": "#aa4499"}
 
 
 def arrows_of(found: Sequence[tuple[Array, Array]], poses: Poses) -> Arrows:
-    """Places (nt, 3) or (nt, n, 3) and vectors of the same shape, joined to one array."""
+    """Arrows from several pairs of places and vectors, both (nt, 3) or (nt, n, 3)."""
     shape = (len(poses.t), -1, 3)
     places, vectors = (np.concatenate([x[k].reshape(shape) for x in found], axis=1) for k in (0, 1))
     finite = np.isfinite(places).all(axis=-1) & np.isfinite(vectors).all(axis=-1)

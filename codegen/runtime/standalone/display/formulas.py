@@ -14,7 +14,7 @@ Known = Mapping[str, Any]
 
 
 def value_of(x: Any, known: Known) -> Any:
-    """The value of a number, or of an expression tree; not finite where the expression has none."""
+    """The value of a number, or of an expression tree; not finite where the expression has no value."""
     with np.errstate(all="ignore"):
         return _value(x, known)
 

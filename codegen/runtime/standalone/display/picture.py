@@ -79,7 +79,7 @@ def animate(scene: Scene, poses: Poses, path: str | os.PathLike[str], view: str,
 
 
 def _frames(t: Array, rate: float) -> Array:
-    """Indices of the results nearest to frames at a rate, 1/s."""
+    """Indices of the results nearest in time to the frames; `rate` is the number of frames per second."""
     count = int((t[-1] - t[0]) * rate) + 1 if len(t) > 1 else 1
     if count > MOST_FRAMES:
         warn(f"{count} frames are too many for an animation; every {count / MOST_FRAMES:.3g}th of them is shown")

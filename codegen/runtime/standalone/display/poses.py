@@ -46,7 +46,7 @@ class Poses:
     position : ndarray (nt, n, 3)
         Origins of the body frames, m.
     shades : dict of str to ndarray (nt, n)
-        How far each body moves with a parameter, m per unit, by the name of the parameter.
+        Displacement of each body's centre of mass per unit of a parameter, m, by the name of the parameter.
     twist : ndarray (nt, n, 6) or None
         Angular velocities, rad/s, and velocities of the origins, m/s, in the ground frame, where forces need them.
     arrows : dict of str to Arrows
@@ -71,13 +71,13 @@ class Poses:
         return np.broadcast_to(np.eye(3), (len(self.t), 3, 3)) if body == GROUND else self.rotation[:, body]
 
     def many(self, bodies: Indices, at: Array, i: int) -> Array:
-        """Positions in the ground frame at time i, m: of the point at `at[k]` (n, 3) in body k of the n `bodies`."""
+        """Positions (n, 3) of points in the ground frame at time i, m; point k is at `at[k]` in the body `bodies[k]`."""
         rotation, position = self._with_ground(i)
         return np.asarray(np.einsum("kij,kj->ki", rotation[bodies], at) + position[bodies])
 
     def turned(self, bodies: Indices, rotation: Array, i: int) -> Array:
-        """Rotations to the ground frame at time i (n, 3, 3): of the axes that `rotation[k]` turns to body k of the n
-        `bodies`."""
+        """Rotations (n, 3, 3) from the frames of n solids to the ground frame at time i; `rotation[k]` is that of solid k in
+        the body `bodies[k]`."""
         return np.asarray(self._with_ground(i)[0][bodies] @ rotation)
 
     def _with_ground(self, i: int) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ class Group:
     rotation, at : ndarray (n, 3, 3), (n, 3)
         The frame of each solid in its body.
     color : str
-        ``""`` where the view chooses.
+        ``""`` if the view chooses the colour.
     """
 
     vertices: Array

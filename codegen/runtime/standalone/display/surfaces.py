@@ -29,7 +29,7 @@ def surface_of(solid: Solid, alike: int = 1) -> Surface:
     Raises
     ------
     ValueError
-        If the solid is a mesh, which has a file.
+        If the solid is a mesh: its surface is in a file.
     """
     sizes, around = solid.sizes, AROUND if alike <= MANY else COARSE
     match solid.type:

@@ -35,8 +35,8 @@ SLOWER = (
     "<script>{const every = setInterval; "
     f"setInterval = (f, ms, ...given) => every(f, Math.max(ms, {1000 / RATE:.1f}), ...given)}}</script>"
 )
-"""Start of a page. Without it, viser moves its time bar 120 times a second, although poses change at `RATE`, and
-a processor without a graphics card spends more time on the bar than on the mechanism."""
+"""Script at the start of a page. Without it, viser moves its time bar 120 times a second, although poses change at `RATE`,
+and a computer without a graphics card spends more time on the bar than on the mechanism."""
 
 LARGEST_PORT = 65535
 

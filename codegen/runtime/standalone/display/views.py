@@ -184,7 +184,8 @@ class MotionViews:
         t, q, u = run.t[rows], run.q[rows], run.u[rows]
         scene, poses = views._scene(p), views._poses(q, u, p, inputs, t)
         by_inputs = [n.startswith("inputs.") and bool(views.moving_inputs) for n in run.sensitivity_names]
-        kept = [k for k, moves in enumerate(by_inputs) if not moves]  # prescribed motion depends on inputs beside q
+        # dq lacks the effect of inputs on prescribed joints
+        kept = [k for k, moves in enumerate(by_inputs) if not moves]
         names = [run.sensitivity_names[k] for k in kept]
         shades = views._shades(scene, q, p, inputs, t, run.dq[kept][:, rows], names) if names else {}
         return scene, replace(poses, shades=shades, arrows=views._arrows(q, u, p, inputs, scene, poses))

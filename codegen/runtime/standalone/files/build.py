@@ -244,7 +244,7 @@ def builds(folder: Path, manifest: Mapping[str, Any], sealed: str = "") -> dict[
 
 
 def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:
-    """The build that `generate` compiles: the library of most calls, or all; of further partitions, that for
+    """The build that `generate` compiles: the library of most calls, or of all; for a further partition, the library for
     motions."""
     found = builds(folder, manifest)
     whole, *first = found.values()

@@ -11,8 +11,8 @@ from typing import Any
 from ..errors import PackageError
 
 ALLOWED = 10.0
-"""Factor on the model's `loop_tolerance`. Warnings report dropped conditions with larger residuals, or larger derivatives by a
-parameter. Redundant conditions may keep residuals up to this limit in a closed loop."""
+"""Factor on the model's `loop_tolerance`. Redundant conditions may keep residuals up to the product in a closed loop. Warnings
+report dropped conditions with larger residuals, or with larger derivatives by a parameter."""
 
 SEAL = ',\n "seal": "'
 

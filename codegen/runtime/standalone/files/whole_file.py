@@ -39,6 +39,6 @@ def write_whole(path: Path, write: Callable[[Any], object]) -> None:
     except BaseException as error:
         with contextlib.suppress(OSError):
             beside.unlink()
-        if isinstance(error, OSError) and error.filename == str(beside):  # then the error names the user's path
+        if isinstance(error, OSError) and error.filename == str(beside):  # the error must name the user's path
             error.filename, error.filename2 = str(path), None
         raise

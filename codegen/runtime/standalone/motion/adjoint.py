@@ -82,7 +82,7 @@ def segment_backwards(
     for part, known, heads in reversed(list(parts)):
         rows = part if heads is None else made_again(library, ffi, c, part, known, heads)
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
-        if reason in ("not finite", "step collapsed"):  # a state has no derivative; radau's equations are not solved
+        if reason in ("not finite", "step collapsed"):  # no derivative at a state, or radau's equations not solved
             for x in found:
                 x.fill(np.nan)
             break

@@ -1,5 +1,5 @@
-"""Functions at many states of a motion, with derivatives along its directions; the functions' transposes, with tangents
-of these."""
+"""Functions at many states of a motion, with derivatives along its directions; and the transposes of these functions, with
+tangents along the directions."""
 
 from __future__ import annotations
 

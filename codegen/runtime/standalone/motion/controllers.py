@@ -16,7 +16,7 @@ from .directions import Directions
 from .inputs import Inputs
 
 SHORTEST_PERIOD = 1e-7
-"""Smallest period relative to the largest time, s, plus one second."""
+"""Smallest period, as a fraction of the largest magnitude of a time plus one second."""
 
 MOST_SAMPLES = 10_000_000
 """Maximum number of samples of a motion."""
@@ -133,8 +133,8 @@ def sampling_times(start: float, end: float, period: float) -> Array:
 def with_controlled(
     names: Sequence[str], given: Any, moving: Sequence[str], times: Array
 ) -> tuple[dict[str, Any], tuple[int, ...]]:
-    """A user's inputs, with signals added that hold their values from sample to sample; and the places of the added
-    signals.
+    """A user's inputs, with signals added that hold their values from sample to sample; and the indices of these signals
+    in `names`.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def with_controlled(
 
 
 class Sampling:
-    """Asks a controller at its sampling times, and writes its values into the inputs of the running motion.
+    """Calls a controller at its sampling times, and writes its values into the inputs of the running motion.
 
     Parameters
     ----------
@@ -169,11 +169,11 @@ class Sampling:
     names : tuple of str
         Names of all signals.
     places : tuple of int
-        Places of the controlled signals.
+        Indices of the controlled signals.
     times : array (n,)
         Sampling times.
     inputs : Inputs
-        Inputs of the motion, with `with_controlled`; their control points are changed here.
+        Inputs of the motion, from `with_controlled`; their control points are changed here.
     directions : Directions
         Directions of the motion, whose seeds of inputs are changed here.
     p : array (np,)
@@ -229,7 +229,7 @@ class Sampling:
         dq, du, doutputs = derivatives
         sample = Sample(t, q, u, outputs, self._p, self._held.copy(), dq, du, doutputs, self._dp, self._along.copy())
         held = self._values(self._controller.command(sample), t)
-        # also the control points at the next sample, whose outputs are computed with the inputs of this sample
+        # also the control points of the next sample: its outputs are computed with the inputs held until then
         own = slice(self._first[self._next], self._first[self._next + 2])
         if self._seeds is not None and self._controller.jacobian is not None:
             self._along = self._derivatives(self._controller.jacobian(sample), sample)

@@ -36,7 +36,7 @@ class Final:
 
 @dataclass(frozen=True)
 class At:
-    """An output at a time.
+    """An output at a given time.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class WeightedResults:
     times : array (nt,)
         Times, s, increasing.
     states : array (nt, nq + nu)
-        Weights of coordinates, then of speeds; those of quaternions are weights of normalised ones.
+        Weights of coordinates, then of speeds; the weights of a quaternion apply to the normalised quaternion.
     outputs : array (nt, noutputs)
         Weights of outputs.
     """

@@ -78,7 +78,7 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
 
 
 def check_joints(name: str, system: Any) -> None:
-    """Refuses choices of independents that take only some speeds of a joint: the integrator then changes states between steps.
+    """Refuses partitions with only some speeds of a joint independent, as the integrator then changes states between steps.
 
     Raises
     ------
@@ -148,7 +148,7 @@ class _Tangents:
         ]
         steps = np.concatenate(self.parts)
         head = int(self.library.ordernm_head_size(self.plain))
-        if steps[:, head - self.nswitches : head].any():  # rates of switches that a step ends by crossing
+        if steps[:, head - self.nswitches : head].any():  # flags of the switches crossed at the start of a step
             raise ValueError(
                 "hessian: a force or an output changes its branch during the motion (abs, min, a comparison, ...), but hessian "
                 "needs a motion without such changes. Gradients are available without hessian"
@@ -158,7 +158,7 @@ class _Tangents:
         ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
         self.tapes, self.nodes = [], []
         for rows, until in zip(self.parts, ends, strict=True):
-            # no zeros: most steps leave the memory of the interpolant's stages untouched
+            # empty, not zeros: most steps leave the memory of the interpolant's stages untouched
             tape, nodes = np.empty((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
             tape[rows[:, 1] <= 0.0] = 0.0
             status = self.library.ordernm_tangents(
@@ -217,7 +217,7 @@ class _Tangents:
         return found[0], found[1], found[2]
 
     def integrands(self, weights: Array) -> list[Array]:
-        """Sources (count, all, 1 + r, n) of weighted outputs at the stages of steps, for each part."""
+        """Gradients of weighted outputs at the stages of steps, and their changes: (count, stages, 1 + r, n) for each part."""
         parts = []
         for rows, tape, nodes in zip(self.parts, self.tapes, self.nodes, strict=True):
             count, stages, record = tape.shape
@@ -278,7 +278,7 @@ def curvature_of(motion: Motion, along: Problem, wanted: Wanted, memory: int) ->
         results = [_backwards(tangents, wanted, i) for i in range(len(wanted.functionals))]
         chunks.append(tuple(np.array([one[k] for one in results]) for k in range(3)))  # type: ignore[arg-type]
         count += sum(int(of.g.products) for of in tangents)
-    # each part begins with the same gradients
+    # each chunk begins with the same gradients
     state, p, inputs = (np.concatenate([chunks[0][i][:, :1], *(c[i][:, 1:] for c in chunks)], axis=1) for i in range(3))
     return Curvature(state, p, inputs, count)
 
@@ -377,7 +377,7 @@ def _middles(steps: Array) -> Array:
 
 
 def _changes(f: LeastSquares, of: _Tangents, names: Sequence[str]) -> Array:
-    """Changes (nt, noutputs, r), along the directions, of the weights with which least squares weigh outputs."""
+    """Changes (nt, noutputs, r), along the directions, of the derivatives of a sum of squares by the outputs."""
     times = np.asarray(f.times, float)
     _, every = f.residuals(np.zeros((len(times), len(names))), names)
     weight = np.zeros((len(of.times), len(names)))

@@ -17,7 +17,8 @@ SMOOTH = "give (times, values, 'cubic'), a cubic spline through the values, or (
 """Kinds of smooth signals that messages suggest."""
 
 ROUNDED = 1e-12
-"""Jumps up to this are rounding errors: relative to the largest value, for velocities per mean distance of knots."""
+"""Jumps up to this fraction of the largest value are rounding errors; jumps of velocities, up to this fraction of the largest
+value divided by the mean distance of knots."""
 
 Linear = Callable[[Array], Array]
 """Maps a user's values of a signal (n,) to control points (count,)."""
@@ -33,7 +34,7 @@ class Inputs:
     ----------
     degree : int
     knots : array (count + degree + 1,) or None
-        None for constant inputs, of which count is 1.
+        None for constant inputs; count is then 1.
     values : array (count, nsignals)
         Control points; for degrees 0 and 1 they are the values themselves.
     moving : tuple of int
@@ -135,7 +136,8 @@ class Inputs:
         return float(self.given[signal][row] if self.given else self.values[row, signal])
 
     def direction(self, signal: int, row: int | None) -> Array:
-        """Derivative of the control points (count,) by a user's value of a signal; by all values together if `row` is None."""
+        """Derivative of the control points (count,) by a user's value of a signal, or by a constant added to all of them if
+        `row` is None."""
         if row is None:
             return np.ones(len(self.values))
         if self.given:
@@ -143,7 +145,7 @@ class Inputs:
         return np.eye(1, len(self.values), row)[0]
 
     def changed(self, values: Mapping[tuple[int, int], float]) -> Inputs:
-        """A copy in which samples have new values, given by the numbers of signal and sample."""
+        """A copy in which some of the user's values are new; `values` has the keys (signal, row)."""
         new, given = self.values.copy(), [x.copy() for x in self.given]
         for (signal, row), x in values.items():
             (given[signal] if given else new[:, signal])[row] = x

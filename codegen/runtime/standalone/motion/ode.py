@@ -18,7 +18,7 @@ SPLINES = ("BSpline", "PPoly")
 
 
 class Closed(NamedTuple):
-    """States of the whole mechanism, or one of them, in the order of a solver's arguments."""
+    """One or several states of the whole mechanism, in the order of a solver's arguments."""
 
     q: Array
     u: Array

@@ -147,8 +147,10 @@ class Segment:
     counts : dict of str to number
     singular, component : int
         See ``ordernm_results``.
-    For the adjoint, if requested: rows of ``ordernm_step_size`` for each part of the motion, and the integrator's memory before
-    it. If memory is short, a part keeps its first row and, in `heads`, the numbers from which its other rows can be repeated.
+    steps, known, heads : list of array
+        For the adjoint, if requested, for each part of the motion: rows of ``ordernm_step_size`` entries, and the integrator's
+        memory before them. If memory is short, a part keeps its first row and, in `heads`, the numbers from which its other
+        rows can be repeated.
     events : list of (int, array)
         Index of the event, and a row of results.
     condition, next_step : float
@@ -214,7 +216,7 @@ class Run:
     rows : array (nt, row)
         See ``ordernm_results``.
     reason, counts, singular, component, events
-        As in the last segment; but counts are sums over all segments. They contain what applies to the method and model.
+        As in the last segment; but counts are sums over all segments, and only those that apply to the method and model.
     segments : list of Segment
     last : array (row,)
         The state at the end of a motion that failed; else empty.

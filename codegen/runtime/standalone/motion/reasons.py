@@ -58,7 +58,7 @@ class Reasons(MotionRun):
             last = np.concatenate([[problem.start], problem.q, problem.u])
         state = self._state_of(last, problem)
         t, q, u = state["t"], state["q"], state["u"]
-        # if singular, the force element itself is the cause, and not the resulting motion
+        # after a singular joint or force element, infinite forces and motions are consequences, not the cause
         elements = run.reason != "singular"
         if found := culprit(run.opened, state, along=elements and bool(len(problem.dq)), elements=elements):
             return found

@@ -330,7 +330,7 @@ class MotionRun(Room):
         return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last
 
     def _sample(self, problem: Problem, sampling: Sampling, library: Any, ffi: Any, c: Any, results: Results) -> None:
-        """Sets the function in C that the integrator calls at knots of the inputs, and that asks the controller."""
+        """Sets the C callback that the integrator calls at knots of the inputs; it calls the controller."""
         k, doubles = len(problem.dp), ffi.typeof("double[]")
         shown = (self.nq, self.nu, self.noutputs if self._gives_outputs else 0)
         none = [np.empty((0, size)) for size in shown]
@@ -338,7 +338,7 @@ class MotionRun(Room):
         def at_knot(_: Any, motion: Any, t: float) -> int:
             if not sampling.is_due(t):
                 return 0
-            row = np.empty(results.size)  # the sample keeps it
+            row = np.empty(results.size)  # the sample keeps this array
             if library.ordernm_row(motion, results.r, ffi.from_buffer(doubles, row)):
                 return 1
             values = [self._of_rows(row, i)[:size] for i, size in enumerate(shown, 1)]

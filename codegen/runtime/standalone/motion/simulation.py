@@ -42,14 +42,14 @@ MEANINGLESS = 1e10
 
 
 ENDED = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}
-"""Reasons of trajectories that did not fail, by the reasons of motions."""
+"""Values of `Trajectory.ended` for motions that did not fail, by the reasons in `REASONS`."""
 
 
 class Simulation(Reasons):
     """Integrates motions over time."""
 
     _names: Trajectory | None = None
-    """Names and units for the sensitivities of the last motion."""
+    """A trajectory without times, with the names and units of the last motion."""
 
     def __init__(self, package: Package, states: States):
         super().__init__(package, states)
@@ -297,7 +297,7 @@ class Simulation(Reasons):
 
     @cached_property
     def _views_of_motions(self) -> Callable[[Callable[[], Array]], Any]:
-        """Makes the views of a motion from a function that gives its inputs."""
+        """A function that makes the views of a motion from a function that returns its inputs."""
         from ..display.views import MotionViews, Views
 
         return partial(MotionViews, Views(self.package))

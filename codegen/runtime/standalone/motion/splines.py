@@ -113,8 +113,8 @@ class Through:
 class Rewritten:
     """Maps the control points (n,) of a spline to its control points for other knots and the same or a higher degree.
 
-    A control point is the polar form of a piece at the knots that follow it. For degree d, the polar form with D > d
-    arguments is the mean over all choices of d of these arguments (L. Ramshaw).
+    For the new degree D, control point i is the polar form of a piece, evaluated at the new knots i + 1 to i + D. If the
+    piece has degree d < D, the polar form with D arguments is the mean over all choices of d of them (L. Ramshaw).
     """
 
     knots: Array
@@ -155,8 +155,10 @@ class Rewritten:
 
 
 def pieces(x: Array, c: Array) -> tuple[int, Array, Array]:
-    """B-spline of a piecewise polynomial: degree, knots and control points (count, m). c[j, i] is the coefficient of (x - x_i)^(k
-    - j)."""
+    """B-spline of a piecewise polynomial: degree, knots and control points (count, m).
+
+    ``c[j, i]`` is the coefficient of ``(x - x_i)^(k - j)`` in piece i.
+    """
     k = len(c) - 1
     knots = np.repeat(x, k + 1)
     h = np.diff(x)[:, None]

@@ -78,7 +78,7 @@ def asked_for(wrt: str | Iterable[str] | None) -> tuple[str, ...]:
     Raises
     ------
     ValueError
-        If a name is not in `JACOBIANS`, or there is none.
+        If a name is not in `JACOBIANS`, or no name is given.
     TypeError
         If `wrt` is neither names nor None.
     """

@@ -33,7 +33,7 @@ class FrameMotion:
     angular_acceleration : ndarray (..., n, 3) or None
         Angular acceleration, rad/s^2. None unless requested.
     acceleration : ndarray (..., n, 3) or None
-        Acceleration of the origin without gravity, m/s^2. None unless requested.
+        Acceleration of the origin, m/s^2. None unless requested.
     """
 
     names: tuple[str, ...]
@@ -135,13 +135,14 @@ class PointMotion:
     Attributes
     ----------
     names : tuple of str
-        The n points; those without a name by body and place. If a single one was requested, arrays lack the axis n.
+        The n points; a point without a name is called by its body and place. If a single point was requested, arrays
+        lack the axis n.
     position : ndarray (..., n, 3)
         Position, m.
     velocity : ndarray (..., n, 3)
         Velocity, m/s.
     acceleration : ndarray (..., n, 3) or None
-        Acceleration without gravity, m/s^2. None unless requested.
+        Acceleration, m/s^2. None unless requested.
     """
 
     names: tuple[str, ...]

@@ -16,7 +16,7 @@ from ..calls.room import Room
 from .frame_motion import FrameMotion, PointMotion, alone, frames_from, point_tangents, points_on
 
 MOST_CHOICES = 64
-"""Number of selections of points that are kept."""
+"""Maximum number of selections of points that are stored."""
 
 Bodies = str | Sequence[str] | None
 """Names of bodies: several, a single one, or None for all."""
@@ -199,10 +199,10 @@ class _Chosen:
     at : int or array of int
         Same as `on`, or a single index.
     values, along : tuple of Wanted
-        Their motion by a single call of C, without and with accelerations; `NOTHING` for a selection that is not kept, or if the
-        package lacks the functions.
+        Single calls of C for the motion of the points, without and with accelerations; `NOTHING` for a selection that is not
+        stored, or if the package lacks the functions.
     by_speeds : Wanted
-        Derivatives of body frames and of point velocities; `NOTHING` also if a point belongs to the ground.
+        A call for derivatives of body frames and of point velocities; `NOTHING` also if a point belongs to the ground.
     """
 
     values = along = (NOTHING, NOTHING)

@@ -23,16 +23,17 @@ COMPLETE = 1e-9
 
 
 def across(v: Array, e: Array) -> Array:
-    """The part of v across the quaternion e of unit length."""
+    """The part of v perpendicular to the quaternion e of unit length."""
     found: Array = v - e * np.sum(e * v, axis=-1, keepdims=True)
     return found
 
 
 def by_given(db: Array, b: Array, e: Array, dx: Array, length: Array, partial: bool) -> Array:
-    """Change along dx of the gradient by a quaternion x that is divided by its length.
+    """Change, along dx, of a gradient with respect to a quaternion x of any length.
 
-    The gradient is ``(b - e (e . b)) / length`` with ``e = x / length``; b changes by `db`. If loops determine a part of the
-    quaternion, b has no component along e, and `db` is the change of such a b.
+    With ``e = x / length``, b is the gradient with respect to e, and `db` its change. The gradient with respect to x is
+    ``(b - e (e . b)) / length``. If loops determine a part of the quaternion, b contains no component along e, and `db` is
+    the change of this b.
     """
     shorter = across(b, e) * np.sum(e * dx, axis=-1, keepdims=True) / length
     if not partial:

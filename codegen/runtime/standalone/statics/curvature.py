@@ -1,8 +1,8 @@
 """Second derivatives of equilibria by parameters and inputs.
 
 Let w be a small motion, q(w, p) the closed coordinates, and ``g(q, p) = 0`` the accelerations of the independent speeds at
-rest, with ``J = dg/dw``. An equilibrium moves by ``J w = -g_p dp``. With mu from ``J^T mu = -q_w^T c``, the gradient of ``c . q``
-by p is that of ``l = c . q + mu . g`` at fixed w and mu. Along a direction:
+rest, with ``J = dg/dw``; indices w and p mean derivatives. Along dp, an equilibrium moves by the w of ``J w = -g_p dp``. With
+mu from ``J^T mu = -q_w^T c``, the gradient of ``c . q`` by p is that of ``l = c . q + mu . g`` at fixed w and mu. Its change:
 
     J w = -g_p dp        r = tangent of l_w        J^T nu = -r        d(gradient) = tangent of l_p + g_p^T nu
 

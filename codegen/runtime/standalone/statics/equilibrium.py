@@ -37,8 +37,8 @@ SINGULAR = 1e-12
 """A singular value of the Jacobian is zero if it is below this fraction of the largest one."""
 
 NONE = 1e-14
-"""1/s^2: singular values below this are rounding errors of balanced forces. An oscillation with this value would take
-two years."""
+"""1/s^2: singular values below this are rounding errors of balanced forces. An oscillation with this squared angular
+frequency would have a period of two years."""
 
 KEPT = 1e-8
 """Largest relative distance of a right side from the range of a singular Jacobian at which the equations count as solvable."""
@@ -57,18 +57,18 @@ class Equilibrium:
     iterations : int
         Steps of Newton's method and of relaxation.
     relaxed : bool
-        Whether the mechanism sank to rest, on request or because Newton's method failed.
+        Whether relaxation was used, on request or because Newton's method failed.
     names : tuple of str
         Parameters and inputs of the derivatives.
     dq : ndarray (k, nq)
-        Derivatives of q by these parameters and inputs, exact to rounding. NaN where no equilibrium exists nearby along
-        a direction, because it pushes along a neutral direction.
+        Derivatives of q by these parameters and inputs, exact to rounding. NaN for one whose change causes accelerations
+        along a neutral direction, so that no equilibrium remains nearby.
     stable : bool or None
-        Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None where that is
-        undecided: with a neutral direction, or near a loss of rank of a loop.
+        Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None if undecided, as
+        it may be with a neutral direction, and is near a loss of rank of a loop.
     neutral : ndarray (m, nq)
-        Directions of unit length along which the mechanism stays at rest. With any, q is the nearest state, and dq the
-        smallest change.
+        Directions of unit length along which the mechanism stays at rest. If there are any, q is one of many equilibria
+        near the guess, and dq is the change of least norm.
     coordinate_names : tuple of str
         Names of the coordinates.
     """
@@ -195,13 +195,13 @@ class Search:
         for _ in range(RELAXATION):
             if not np.isfinite(m.J).all() or self.is_rest(m):
                 break
-            # along unstable directions, a step must not pass the equilibrium that it leaves
+            # a rate above all positive eigenvalues: steps lead away from an unstable equilibrium, not across it
             least = 2.0 * float(np.linalg.eigvals(m.J).real.max(initial=0.0))
             rate = max(rate, least)
             for _ in range(HALVINGS):
                 step = np.asarray(np.linalg.solve(rate * np.eye(len(m.J)) - m.J, m.udot), np.float64)
                 found = self._tried(q, m, step) if np.abs(step).max() <= radius else None
-                # accelerations as the linear equations predict them
+                # the linear equations predict the accelerations rate * step
                 if found is not None:
                     error = float(np.linalg.norm(found[1] - rate * step) / np.linalg.norm(m.udot))
                     if error <= POOR:

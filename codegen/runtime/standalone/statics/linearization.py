@@ -20,7 +20,8 @@ REPEATED = 1e-7
 """Distance of two eigenvalues, relative to the largest eigenvalue, below which they count as repeated."""
 
 ZERO = 3e-7
-"""Fraction of the largest eigenvalue below which an eigenvalue is zero; rounding perturbs a double zero by a root."""
+"""Fraction of the norm of A below which an eigenvalue counts as zero. Rounding errors perturb a double eigenvalue by their
+square root."""
 
 NO_NUMBER = complex(np.nan, np.nan)
 
@@ -38,9 +39,9 @@ class Matrices(NamedTuple):
     Attributes
     ----------
     A : ndarray (2n, 2n)
-        States by states.
+        Rates of the states, by states.
     B : ndarray (2n, ninputs)
-        States by inputs.
+        Rates of the states, by inputs.
     C : ndarray (m, 2n)
         Outputs by states.
     D : ndarray (m, ninputs)
@@ -79,7 +80,7 @@ class Modes(NamedTuple):
         Damping ratios: minus the real part over the absolute value. 1 for a decay and -1 for a growth without
         oscillation, NaN for a zero eigenvalue.
     shapes : ndarray of complex (k, 2n)
-        Motions of the states, of unit length.
+        Eigenvectors of unit length: motions of the states.
     """
 
     eigenvalues: Complex
@@ -110,9 +111,10 @@ class Linearization:
     Attributes
     ----------
     A : ndarray (2n, 2n)
-        States by states. The states are n small motions along the independent speeds, then n changes of these speeds.
+        Rates of the states, by states. The states are n small motions along the independent speeds, then n changes of
+        these speeds.
     B : ndarray (2n, ninputs)
-        States by inputs.
+        Rates of the states, by inputs.
     C : ndarray (m, 2n)
         The m requested outputs by states.
     D : ndarray (m, ninputs)
@@ -212,9 +214,9 @@ class Linearization:
         Notes
         -----
         The matrices hold first derivatives of the dynamics, so these are second derivatives. If the package contains
-        ``hessian_products`` (and ``output_hessian_products`` for C and D), this C computes them. If not, the statements
-        of the package's NumPy module compute them on dual numbers, which carry derivatives along the k parameters
-        through the code for derivatives along the 2n states. There is no step size.
+        ``hessian_products`` (and ``output_hessian_products`` for C and D), their C code computes them. If not, the
+        statements of the package's NumPy module compute them on dual numbers, which carry derivatives along the k
+        parameters through the code for derivatives along the 2n states. There is no step size.
 
         Examples
         --------
@@ -253,9 +255,10 @@ class Linearization:
 
         Notes
         -----
-        With left and right eigenvectors y and x the derivative is ``y^H dA x / (y^H x)``. A repeated eigenvalue with as
-        many eigenvectors, in the columns of X and the rows of Y, splits along each parameter alone. The derivatives of
-        its branches are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then imaginary parts.
+        With left and right eigenvectors y and x the derivative is ``y^H dA x / (y^H x)``. An m-fold eigenvalue with m
+        right eigenvectors (columns of X) and m left ones (rows of Y) splits into m branches when one parameter changes.
+        The derivatives of its branches are the eigenvalues of ``(Y X)^-1 Y dA X``, in the order of their real, then
+        imaginary parts.
 
         Examples
         --------
@@ -268,7 +271,7 @@ class Linearization:
         repeated = _repeated(self.A, values, right)
         found = np.full((len(dA), len(values)), NO_NUMBER)
         if not repeated.all():
-            # a defective A has no inverse matrix of eigenvectors; only simple eigenvalues are needed
+            # the eigenvectors of a defective A form a singular matrix; only simple eigenvalues are needed
             left = _left(self.A, values)
             of_left = np.einsum("ij,jk->ik", left, right).diagonal()
             with np.errstate(all="ignore"):

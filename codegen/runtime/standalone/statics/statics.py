@@ -157,11 +157,11 @@ class Statics(Room):
         name : str
             The solver method in use, for the warning.
         at : Point
-            A closed state; an equilibrium, if it has no speeds.
+            A closed state; an equilibrium, if `tolerance` is finite.
         space : TangentSpace
         tolerance : float
-            Tolerance for the accelerations of all speeds, including dependent ones, relative to accelerations of small motions of
-            at most 1 rad or 1 m.
+            Tolerance for the accelerations of all speeds, including dependent ones, relative to 1 plus the accelerations that
+            small motions of at most 1 rad or 1 m cause.
         """
         if not self.closure_names:
             return False

@@ -45,12 +45,12 @@ class Motion(NamedTuple):
 class TangentEquations:
     """The linearised equations about a state.
 
-    With w the small motion along the tangents N and v the change of the independent speeds u, ``dq = N w`` and
-    ``d(qdot) = D(N u)[N w] + N v``. The left side is also ``d/dt(N w) = D(N w)[N u] + N w'``, so
+    Let w be the small motion along the tangents N, v the change of the independent speeds u, and D the derivative by q. Then
+    ``dq = N w`` and ``d(qdot) = D(N u)[N w] + N v``. The left side is also ``d/dt(N w) = D(N w)[N u] + N w'``, so
 
         w' = v + N^+ (D(N u)[N w] - D(N w)[N u]) = v + W w        v' = D udot[N w] + (d udot/du) v
 
-    W is the Lie bracket of the two motions. It is zero at rest, and for joints whose speeds are rates of coordinates.
+    W w is the Lie bracket of the motions N u and N w. It is zero at rest, and for joints whose speeds are rates of coordinates.
     For a quaternion it is ``w x u``, because small rotations turn with the body. The bracket of two motions that keep
     the loops closed also keeps the loops closed, so the projection N^+ is exact.
     """
@@ -97,7 +97,7 @@ class TangentEquations:
         return self._matrices(self._bracket_derivatives(second, along, dN), np.zeros((n, n)), dudot, dy)
 
     def _changes(self, of: str, rows: Any, second: Callable[[], SecondDerivatives], along: Motion, dN: Array) -> Array:
-        """Changes (m, 2n + ninputs, rows) of the derivatives of some results along the seeds, whose tangents change by dN."""
+        """Changes (m, 2n + ninputs, rows) of the derivatives of some results along the seeds; the tangents change by dN."""
         first = "sensitivities" if of == "accelerations" else "output_sensitivities"
         if CURVED[of].wanted.name not in self._functions or not len(dN):
             slope = np.zeros((*self.seeds["dq"].shape, len(dN)))

@@ -16,8 +16,8 @@ from ..calls.arguments import no_output
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 GRAZING = 1e-8
-"""Rate of an output, relative to its range per second. With a smaller rate, the output only touches its level, and the time of
-the event has no derivative."""
+"""Smallest rate of an output that crosses its level, as a fraction of `Crossing.pace`. At a smaller rate, the output only
+touches its level, and the time of the event has no derivative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +66,12 @@ class Crossing:
     rates : ndarray (noutputs,)
         Time derivatives of the outputs.
     pace : float
-        Range of the event's output in its integration step, per second. -1 where the output jumps with an input, -2
-        where it jumps at a switch; the state is then the one after the jump.
+        Range of the event's output within the integration step, divided by the step size, s. -1 where the output jumps
+        with an input, -2 where it jumps at a switch; the state is then the one after the jump.
     dt : ndarray (k,)
         Derivatives of the time. NaN where the output only touches its level.
     dq, du, doutputs : ndarray (k, nq), (k, nu), (k, noutputs)
-        Total derivatives of the state and outputs, which include the change of the time.
+        Total derivatives of the state and outputs, which include the effect of `dt`.
     """
 
     event: Event
@@ -106,7 +106,7 @@ def rows_of(crossings: Sequence[Crossing]) -> Array:
 def crossings_of(
     rows: Array, events: Iterable[Sequence[Any]], nq: int, nu: int, noutputs: int, k: int
 ) -> tuple[Crossing, ...]:
-    """Crossings from rows of `rows_of`, each with the fields of its `Event`.
+    """Crossings from the rows of `rows_of`, and from the fields of the `Event` of each.
 
     Raises
     ------
@@ -166,9 +166,8 @@ BY_STATE = -2.0
 
 
 def crossing_speed(rates: Array, pace: float, index: int) -> float:
-    """The rate of an event's output, from the rates of all outputs (noutputs,); the divisor in the derivative of its time.
-
-    NaN if the output only touches its level.
+    """The rate of an event's output, by which the derivative of the event's time is divided; NaN if the output only touches
+    its level. `rates` (noutputs,) are those of all outputs.
     """
     speed = float(rates[index])
     return speed if abs(speed) > GRAZING * pace else np.nan
@@ -178,13 +177,16 @@ def crossing(
     event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array],
     pace: float, given_dt: Array | None = None,
 ) -> Crossing:  # fmt: skip
-    """A crossing with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
+    """A crossing with derivatives of its time and state.
+
+    Let g be the output minus the level, and dg, dx derivatives at the fixed time, with the state x. Then ``dt = -dg/g'``,
+    and the total derivative of the state is ``dx + x' dt``.
 
     Parameters
     ----------
     index : int
         Index of the event's output.
-    q, u, outputs, and their time derivatives, at the crossing
+    values, rates : q, u, outputs and their time derivatives, at the crossing
     derivatives : dq, du, doutputs at the fixed time, (k, ...)
     pace : float
         See `Crossing`.

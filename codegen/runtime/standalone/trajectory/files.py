@@ -31,7 +31,7 @@ KEY = b"ordernm_trajectory"
 """Key of the JSON in the metadata of a Parquet schema."""
 
 EVENTS = b"ordernm_events"
-"""Metadata key of the numbers of events in a Parquet schema. They are bytes, because JSON cannot store every NaN."""
+"""Metadata key, in a Parquet schema, of the rows of events. They are stored as bytes, because JSON cannot store every NaN."""
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
 """Columns of Parquet files only; names of outputs contain no dot."""
@@ -50,7 +50,7 @@ class TrajectoryFileError(ValueError):
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
-    """The suffix of a trajectory file; raises an error with the allowed ones."""
+    """The suffix of a trajectory file; raises an error with the allowed suffixes for any other."""
     return suffix_among(path, SUFFIXES, TrajectoryFileError, f"trajectories are kept in files {' or '.join(SUFFIXES)}")
 
 
@@ -113,7 +113,7 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
 
 
 def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
-    with open(path, "rb") as file:  # a missing file keeps its own error; later errors mean damage
+    with open(path, "rb") as file:  # a missing file raises its own error; later errors mean damage
         try:
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):

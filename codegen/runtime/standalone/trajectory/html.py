@@ -15,7 +15,7 @@ SHOWN = 12
 """Number of series shown."""
 
 WIDTH, HEIGHT, MARGIN = 160, 28, 2
-"""Size of a curve, in pixels."""
+"""Size of a curve and its margin, in pixels."""
 
 BINS = 80
 """Number of intervals of a long series; its curve shows the minimum and maximum of each, so that no peak is lost."""

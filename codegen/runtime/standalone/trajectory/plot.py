@@ -27,7 +27,7 @@ FORMATS: dict[str, dict[str, str | None]] = {
 """For each suffix of a picture file, the metadata that omit dates."""
 
 MOST_PANELS, CUT = 60, 24
-"""Maximum number of series in a picture, and their number if the user does not choose."""
+"""Maximum number of series in a picture, and maximum number if the user names none."""
 
 WIDTHS = {1: 6.5, 2: 8.0, 3: 9.0}
 """Width of a picture in inches, by the number of panels side by side."""
@@ -54,7 +54,7 @@ class PlotError(ValueError):
 
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
-    """The suffix of a picture file; raises an error with the allowed ones."""
+    """The suffix of a picture file; raises an error with the allowed suffixes for any other."""
     return suffix_among(path, FORMATS, PlotError, f"pictures are written as {', '.join(FORMATS)}")
 
 
@@ -74,7 +74,7 @@ def draw(
     path: str | os.PathLike[str] | None = None,
     cut: bool = False,
 ) -> Any:
-    """A figure with a panel for each series over the times t (nt,), beside which a panel shows the derivatives of the
+    """A figure with a panel for each series over the times t (nt,), and beside it a panel for the derivatives of this
     series.
 
     Parameters

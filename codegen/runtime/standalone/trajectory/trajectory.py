@@ -23,10 +23,10 @@ FINISHED, INTERRUPTED = "finished", "interrupted"
 Later = ArrayLike | Callable[[], ArrayLike] | None
 
 EXPLAINED_DRIFT = 1e-6
-"""Relative change of the total energy above which a text lists what changes it besides errors of integration."""
+"""Relative change of the total energy above which the summary names causes other than integration errors."""
 
 LATER: dict[str, Shape] = {"energy": (2,), "closure": ()}
-"""Values that are computed at their first use, and their shapes after the time axis."""
+"""Values that are computed at their first use, with the shape of each at one time."""
 
 
 class UnknownNameError(KeyError):
@@ -52,7 +52,7 @@ class Trajectory:
     dq, du : array_like (k, nt, nq), (k, nt, nu), optional
         Their derivatives, directions first. Default: k = 0.
     outputs, doutputs : array_like (nt, noutputs), (k, nt, noutputs), optional
-        Outputs and their total derivatives. They may be left out only if there are no names of outputs.
+        Outputs and their total derivatives. They may be left out only if `output_names` is empty.
     coordinate_names, speed_names, output_names, parameter_names, input_names : sequence of str
         Names in the order of the arrays.
     sensitivity_names : sequence of str, optional
@@ -311,7 +311,7 @@ class Trajectory:
         Returns
         -------
         str
-            The unit, such as ``m/kg``; ``""`` if one of the two is unknown.
+            The unit, such as ``m/kg``; ``""`` if the unit of the series or of the sensitivity is unknown.
 
         Examples
         --------
@@ -407,8 +407,8 @@ class Trajectory:
     def energy_drift(self) -> float | None:
         """Largest relative change of total energy, or None without energies.
 
-        It is ``max |E - E[0]|`` over the larger of the greatest kinetic energy and the range of the potential energy.
-        Where nothing drives or damps the model it measures integration errors.
+        It is ``max |E - E[0]|``, divided by the greatest kinetic energy or the range of the potential energy, whichever is
+        larger. If nothing drives or damps the model, it measures integration errors.
         """
         if self.energy is None:
             return None
@@ -423,7 +423,7 @@ class Trajectory:
 
     @property
     def closure_drift(self) -> float | None:
-        """Largest residual of closed loops, relative to characteristic lengths, or rad; None without loops."""
+        """Largest residual of closed loops, in characteristic lengths or rad; None without loops."""
         return None if self.closure is None else float(np.max(self.closure, initial=0.0))
 
     def lines(self) -> list[str]:
@@ -670,7 +670,7 @@ class Trajectory:
         view : {"auto", "x", "y", "z", "corner"}, optional
             See `Solver.picture`.
         rate : float, optional
-            Frames per second of motion. The frames show the nearest results.
+            Frames per second of motion. Each frame shows the result nearest in time.
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
 
@@ -696,13 +696,13 @@ class Trajectory:
         port: int = 0,
         arrows: str | Sequence[str] = (),
     ) -> Any:
-        """Play the motion in a browser, with sliders for design parameters that compute it again.
+        """Play the motion in a browser; moving the slider of a design parameter computes the motion again.
 
         Parameters
         ----------
         solver : Solver, optional
-            Solver of the model, generated with frames. It is needed for a trajectory that was loaded from a file, which has
-            no sliders.
+            Solver of the model, generated with frames. It is needed for a trajectory that was loaded from a file, whose view
+            has no sliders.
         folder : path, optional
             Folder of the model, from which the names of mesh files start.
         port : int, optional
@@ -713,7 +713,7 @@ class Trajectory:
         Returns
         -------
         Viewer
-            The view: its address `url`, `close` ends it. In a notebook it shows itself.
+            The view: `url` is its address, `close` ends it. A notebook displays it.
 
         Raises
         ------
@@ -756,7 +756,7 @@ class Trajectory:
         Warns
         -----
         RuntimeWarning
-            If the motion has more than 3000 frames, of which some are left out.
+            If the motion has more than 3000 frames; some are then left out.
 
         Examples
         --------
@@ -771,7 +771,7 @@ class Trajectory:
         Raises
         ------
         ValueError
-            If there is none, or the solver belongs to another model.
+            If there is no such object, or the solver belongs to another model.
         """
         if solver is None:
             if self.views is None:

@@ -36,10 +36,10 @@ class MassCondition(NamedTuple):
     Attributes
     ----------
     condition : float
-        Largest eigenvalue of the mass matrix over the smallest, in SI units.
+        Largest eigenvalue of the mass matrix divided by the smallest, in SI units.
     left : float
-        Inertia that a speed feels where all other joints are free, over its inertia where they are held: the smallest
-        ratio among all speeds. The sweeps lose at most about as many digits as this number has zeros.
+        For each speed, the inertia along it with all other joints free is divided by the inertia with all others locked;
+        this is the smallest of these ratios. The sweeps lose at most about ``-log10(left)`` digits.
     weakest : str
         The speed with the smallest ratio.
     """
@@ -50,7 +50,7 @@ class MassCondition(NamedTuple):
 
 
 class ClosureCondition(NamedTuple):
-    """The condition of a closure matrix: loop conditions by the speeds that they make dependent.
+    """The condition of a closure matrix: derivatives of loop conditions with respect to the dependent speeds.
 
     Linear conditions and displacements are relative to the loops' characteristic length.
 
@@ -63,9 +63,9 @@ class ClosureCondition(NamedTuple):
     condition : float
         The value of `Solver.condition`: change of dependent speeds per unit of a residual, 1 at best.
     distance : float
-        Distance of the nearest matrix that has lost rank, relative to the larger of 1 and the largest singular value.
+        Distance to the nearest matrix that has lost rank, relative to the larger of 1 and the largest singular value.
     weakest : str
-        Dependent speed with the largest part in the motion that is nearly free.
+        Dependent speed with the largest component in the motion that the loop conditions constrain least.
     couplings : tuple of str
         The couplings among `loops`.
     """
@@ -89,7 +89,7 @@ class Diagnosis:
     udot, udot_error : ndarray (nu,)
         Accelerations, and estimates of their rounding errors, at least one unit of rounding.
     argument_error : ndarray (nu,)
-        Their change if every argument changes by a unit in its last place.
+        Change of the accelerations if every argument changes by a unit in its last place.
     dudot, dudot_error : ndarray (k, nu)
         Derivatives, and estimates of their rounding errors.
     speed_names, direction_names : tuple of str
@@ -135,7 +135,7 @@ class Diagnosis:
     def digits(self) -> Array:
         """Trustworthy decimal digits of each acceleration, (nu,), up to 15.95.
 
-        An acceleration that is zero but for rounding is compared with the largest one, or with `at_work`.
+        The error of an acceleration that is zero to rounding is compared with the largest acceleration, or with `at_work`.
         """
         return trusted(self.udot[None], self.udot_error[None], self.at_work[None])[0]
 

@@ -1,7 +1,7 @@
 """Estimates rounding errors by repeating a computation with all operations rounded up, and again rounded down.
 
 The O(n) recursion is insensitive to the condition number of the mass matrix, so this number does not indicate errors.
-Repetition with other rounding modes indicates them, because rounding errors then change by their own size. This is the
+Repetition with another rounding mode indicates them, because it makes other rounding errors of similar size. This is the
 idea of J. Vignes's CESTAC method, here with two of the three usual modes and without random numbers. The result with
 rounding to nearest usually lies between the two others, and is closer to the exact one."""
 
@@ -39,7 +39,7 @@ changes a result by a quarter of its last place; directed rounding changes it by
 Measured; see docs/theory.md, section 9."""
 
 UNIT = 2.0**-53
-"""Relative rounding error of one operation to nearest; it is the smallest error of any number."""
+"""Largest relative error of one operation that is rounded to nearest; no estimate of an error is smaller."""
 
 ELEMENTARY = (*named("numpy", lambda e: e.rounds), "power")
 """NumPy functions that are always computed with rounding to nearest, because their algorithms may need it."""
