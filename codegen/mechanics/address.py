@@ -1,4 +1,5 @@
-"""Addresses of components of stores: the object whose memory a store accesses, for each instance of a kind."""
+"""Addresses of the components of stores. For each instance of a kind, they give the object whose memory a store
+accesses."""
 
 from __future__ import annotations
 

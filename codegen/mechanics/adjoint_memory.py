@@ -76,7 +76,7 @@ def _rename(block: Block, memory: Memory, name: str, kept: str) -> None:
 
 
 def exchange_in_scratch(scratch: Mapping[Store, Store], blocks: Sequence[tuple[str, Block]], outside: Set[str]) -> None:
-    """Keep what neighbouring links exchange within one sweep in scratch memory, which stays in the cache.
+    """Keep components that neighbouring links exchange within one sweep in scratch memory, which stays in the cache.
 
     Parameters
     ----------

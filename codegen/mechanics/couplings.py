@@ -73,7 +73,7 @@ def add_partner_force(
 
 
 def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector:
-    """The part of a partner's acceleration that is explicit in udot or due to gravity, along the partner's axes."""
+    """The part of a partner's acceleration that is explicit in udot, along the partner's axes."""
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 

@@ -189,7 +189,7 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
     """The unit of each column, in the order of the factor. In these units, displacements and rows are multiples of the
-    length."""
+    characteristic length."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]

@@ -155,8 +155,8 @@ def root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def named_root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots. Each entry is a symbol of its own, even if it copies a value, because tangents of these
-    symbols are known."""
+    """Velocities of the roots. Each entry is a symbol of its own, even if it copies a value, because its tangent is
+    given."""
     found = []
     for twist in root_velocities(ear):
         named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]

@@ -196,7 +196,8 @@ def complete_velocities(
 def member_displacement(
     x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
-    """For a link of an ear on which other loops close, store the results of `link_displacement`."""
+    """For a link of an ear on which other loops close: store the quantities that `link_displacement` stores for plain
+    links."""
     kind, tag = ear.kind, "d Eq. 22"
     theta, d = displaced
     W, o = ear.members[k].W, ear.position(k)

@@ -66,7 +66,8 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
 
 
 def kept_conditions(ear: EarGeometry) -> list[Condition]:
-    """Conditions that can be nonzero, as the block of the closures found them, without dropped conditions."""
+    """The conditions in the rows of the factored closure matrix: rows that can be nonzero, without dropped
+    conditions."""
     kept = ear.kind.form.rows
     rows = counted_conditions(ear) if kept else []
     return [rows[i] for i in kept]
@@ -78,8 +79,8 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 
 
 def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
-    """Conditions of a loop joint: along the region's axes if all directions are constrained (`counted`), otherwise
-    along the start face's axes."""
+    """Conditions of a loop joint. If `counted`, conditions on all three directions are along the region's axes; all
+    others are along axes of the faces."""
     closure = ear.kind.closures[c]
     if closure.is_coupling:  # a coupling's value is the first of three components, see `ears.couplings`
         return [Condition(c, True, [1, 0, 0])]

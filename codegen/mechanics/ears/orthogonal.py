@@ -146,7 +146,7 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
 
 
 def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
-    """Factor a matrix given by columns; those with few entries come first. The length of a column is of order one,
+    """Factor a matrix given by columns; those with few entries come first. The length of a column is of order `size`,
     except near a loss of rank."""
     let = x.let
     f = Factor(x)

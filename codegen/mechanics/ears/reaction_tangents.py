@@ -203,7 +203,8 @@ def store_loop(
 def forces_at_faces(
     x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, lanes: bool = True
 ) -> tuple[list[Vector], list[RootForce]]:
-    """For each link of an ear, the force on it by changes of the multipliers; and the forces on roots that have a face."""
+    """For each link of an ear, the force on it by given multipliers, or by changes of the multipliers; and the forces
+    on roots that have a face."""
     more: list[Vector] = [[0] * 6 for _ in ear.members]
     on_roots: list[RootForce] = []
     for c, closure in enumerate(ear.kind.closures):

@@ -1,8 +1,9 @@
 """Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
 
 With all accelerations known, the forces that the motions of links require are summed inward. Loops carry a wrench W
-such that the dependent joints transmit only their own joint force along their degrees of freedom: ``E^T W = gamma``.
-Where conditions are redundant, W is the shortest such wrench.
+such that the dependent joints transmit only their own joint force along their degrees of freedom: ``E^T W = -gamma``,
+with gamma the force that they would transmit without W, minus their own. Where conditions are redundant, W is the
+shortest such wrench.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
     held = inward(x, ear, phi)
     on_roots: list[tuple[int, Vector]] = []
     if rows:
-        gamma: Vector = []  # residual along dependent degrees of freedom: minus the joint's own force, plus the rotor's
+        gamma: Vector = []  # with the loops cut: transmitted force minus the joint's own, plus the rotor's
         for k, freedom in ear.dependents():
             tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
             gamma.append(x.let("gamma", freedom.along(held[k][:3], held[k][3:]) - tau, "Eq. 53"))

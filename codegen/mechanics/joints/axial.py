@@ -133,8 +133,8 @@ class Axial(LinkJoint):
     def _turn_symmetric(self, m: Matrix, name: str, tag: str) -> Matrix:
         """``R m R^T`` for a rotation about the axis and a symmetric m.
 
-        Uses the squares of sine and cosine: the shorter ``m_bb - s (s d + c e)`` loses a small diagonal entry next to a large
-        one at a right angle.
+        Uses the squares of sine and cosine: at a right angle the shorter ``m_bb - s (s d + c e)``, d = m_bb - m_cc and
+        e = 2 m_bc, loses a small diagonal entry next to a large one.
         """
         let = self.x.let
         a, b, c = self.kind.axis, (self.kind.axis + 1) % 3, (self.kind.axis + 2) % 3

@@ -62,7 +62,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
     ends = tuple(w.one(f"g{n}").called(f"gradient_{n}") for n in w.state) if motion else ()
     known = (weights.tangent(), found) if motion else ()
     solved: tuple[Step, ...] = (Own(found), Bind(dudot, found), w.balance)
-    if motion:  # the balance would also store the values of the inverse dynamics
+    if motion:  # instead of the balance, which would also store the values of the inverse dynamics
         solved = (Own(w.one("force")), *run("found_motion", "missing_forces"), Bind(dudot, found), w.seeded)
     steps: tuple[Step, ...]
     if w.loops:

@@ -43,7 +43,7 @@ POSES = ("rotations", "pose")
 """Sweeps on which all other sweeps depend."""
 
 KEPT, RESTORED = (Prepare(KEPT_ADJOINTS),), (Prepare(RESTORED_ADJOINTS),)
-"""Steps that copy the adjoints of links and loops, and that continue from this copy."""
+"""Steps that copy the adjoints of links and loops, and steps that set the adjoints to this copy."""
 
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
 
@@ -94,8 +94,9 @@ class WithLoops:
     def adjoints(self, weights: Array, virtual: Array) -> list[Step]:
         """Multipliers and adjoints for one vector of weights.
 
-        Adjoints of velocities and of poses add up from link to link. The sweeps that propagate them before the multipliers of
-        velocities or positions are known run again, from a copy of the adjoints.
+        Adjoints of velocities and of poses add up from link to link. The sweeps that propagate them run before the
+        multipliers of conditions on velocities or positions are known, and once more with these multipliers, from a
+        copy of the adjoints.
         """
         force_bar, nothing = self.force.called("force_bar"), self.multiplier.called("no_gap")
         solved = self.multiplier.called("response_multiplier")

@@ -40,8 +40,8 @@ class LinkKind(SharedConstants):
     carries : bool
         It carries units outside its own ear, or is coupled to some.
     closed_on : {"", "origin", "moving"}
-        Whether another region's loop closes on its motion: relative to the ground, or to the ``origin``, the link that carries
-        the whole loop.
+        ``moving`` if loops of another region close on its motion relative to their origin; ``origin`` if it is this
+        origin, the link that carries these loops.
     pulled : bool
         Force elements act on it.
     forced : tuple of bool
@@ -130,7 +130,7 @@ class EarKind:
     far : list of int
         For each root, its index among the region's far links; -1 if it is none.
     first_at : list of bool
-        Whether the ear is the first, on the way inward, to contribute a force to that root.
+        For each root, whether the ear is the first, on the way inward, to contribute a force to it.
     followed : list of bool
         For each link, whether a later ear of the region starts from it.
     closures : list of ClosureKind

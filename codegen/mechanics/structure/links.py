@@ -31,7 +31,7 @@ NumberOf = Callable[[Expression], float]
 """The type of a function that gives the value of an expression at the default parameters."""
 Function = Callable[[Value], Value]
 Functions = Mapping[str, Function]
-"""Types of square root, cosine and sine, for numbers or symbols."""
+"""Type of a mapping from ``sqrt``, ``cos`` and ``sin`` to these functions, for numbers or symbols."""
 Let = Callable[[str, Value], Value]
 Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
 """Type of the placement of a frame in another: origin, and rotations about the moving axes."""
@@ -181,7 +181,7 @@ ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
 
 
 def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
-    """The frame of a joint with this axis. It has the body's axes if the axis is one of them."""
+    """The frame of a joint with this axis. It has the body's axes if the joint axis points along one of them."""
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along

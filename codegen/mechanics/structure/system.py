@@ -26,7 +26,8 @@ from .regions import Regions, find_regions
 from .world import turned_ground
 
 LONG = 16
-"""Smallest number of links in a chain for which the explicit accelerations include gravity."""
+"""Smallest number of links in a chain for which the explicit accelerations include gravity; see
+`System.fields_of_gravity`."""
 
 
 @dataclass(slots=True, eq=False)
@@ -117,9 +118,9 @@ class System:
     def fields_of_gravity(self) -> dict[str, str]:
         """Components of the ground's record that gravity sets, each with the component of gravity.
 
-        Gravity enters the explicit part of the accelerations. At the far end of a freely falling chain this part is
-        small, so no large terms cancel there. If loops close on the ground or couple links, the ground has no explicit
-        part, so gravity enters the remainders.
+        In chains of at least `LONG` links, gravity enters the explicit part of the accelerations. At the far end of a
+        freely falling chain this part is then small, so no large terms cancel there. In shorter chains, and if loops
+        close on the ground or couple links, the ground has no explicit part, and gravity enters the remainders.
         """
         if self.gravity is None:
             return {}

@@ -1,6 +1,7 @@
 """Back substitution, outward: generalised accelerations. Eqs. 53-56.
 
-Only the part of the accelerations that is explicit in udot is propagated (the bar of Eq. 19).
+Only the explicit part of the accelerations is propagated: the terms in udot (the bar of Eq. 19) and, in long chains,
+gravity (`System.fields_of_gravity`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from ..structure.kinds import LinkKind
 
 
 def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
-    """The parent's spatial acceleration A, shifted by ``S^T`` to the link's origin: six components along the link's axes."""
+    """The parent's acceleration A (angular, then linear), taken to the link's origin by ``S^T``: six components along
+    the link's axes."""
     al, a = A[:3], A[3:]
     r = joint.offset()
     moved = add(a, cross(al, r))

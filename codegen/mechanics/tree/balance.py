@@ -98,8 +98,8 @@ def mass_outward(x: Scope, kind: LinkKind) -> None:
 
 
 def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value], tag: str) -> Vector:
-    """Acceleration of a link over directions, from its parent's acceleration and its own components of x; stored for
-    its children. Eq. 19."""
+    """Acceleration of a link over directions, from its parent's acceleration and the accelerations `rates` of its
+    joint; stored for its children. Eq. 19."""
     A = carry(joint, before, tag)
     for s, rate in zip(joint.columns, rates, strict=True):
         for i, value in s.added(A, rate).items():

@@ -154,7 +154,8 @@ def column_add(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_seed(x: Scope, kind: LinkKind) -> None:
-    """The force that everything outboard requires for a unit acceleration of a degree of freedom."""
+    """The force that a link and everything outboard require for a unit acceleration of each degree of freedom of the
+    link."""
     freedoms = range(kind.joint.freedoms)
     forces = [x.load(ME, fields.composite_force(j)) for j in freedoms]
     units = [x.entry(RIGHT_SIDE, j) for j in freedoms]

@@ -122,7 +122,8 @@ def newton_euler_inward(x: Scope, kind: LinkKind, known: Sequence[Value] = ()) -
 def transfer(
     x: Scope, kind: LinkKind, joint: LinkJoint, phi: Vector, d_phi: Vector, beside: Vector | None = None
 ) -> None:
-    """Propagate the transmitted force and its tangent to the parent; `beside` is the parent's contribution as a partner."""
+    """Propagate the transmitted force and its tangent to the parent; `beside` is the tangent of the force on the
+    parent as a partner of the link."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
     force = force_to_parent(x, joint, named, "Eq. 45", r)

@@ -86,7 +86,8 @@ def accelerate(
 def accelerated(
     x: Scope, joint: LinkJoint, carried: Vector, before: tuple[Vector, Vector, Matrix]
 ) -> tuple[Vector, Vector]:
-    """The acceleration of the link's frame, from the parent's angular acceleration, acceleration and B along its own axes."""
+    """The acceleration of the link's frame, from the parent's angular acceleration, acceleration and B, along the
+    parent's axes."""
     al_bias, a_bias = joint.bias(carried)
     al = joint.to_child(before[0], "alp", "Eq. 21")
     a = joint.to_child(add(before[1], matvec(before[2], joint.offset())), "ap", "Eq. 21")

@@ -85,11 +85,11 @@ UP_TANGENTS = {
         (fields.moving.al, fields.moving.al), (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
     )
 }  # fmt: skip
-"""Fields of the parent that have a tangent, each with its name."""
+"""Fields of the parent that have a tangent, each with the name of the field of this tangent."""
 
 
 OWN_SEEDS = (COORDINATES, SPEEDS, TURNS)
-"""Stores of the tangents of a link's own coordinates and speeds."""
+"""Stores of a link's own coordinates and speeds, and of the rotation vector of its joint."""
 
 
 def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]:

@@ -185,7 +185,7 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
 
 
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
-    """Terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, where A are the explicit
+    """Store the terms of the force along a prescribed coordinate: ``s . (I^ A + p^) - tau``, where A are the explicit
     accelerations.
 
     The rotor's force is known, since no degree of freedom accelerates the rotor.
