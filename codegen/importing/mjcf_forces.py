@@ -156,7 +156,7 @@ class PassiveForces:
         self.lift()
 
     def clamp(self) -> None:
-        """Adds the actuator forces on joints that have a limit for their sum."""
+        """Adds the actuator forces on joints that limit the sum of these forces."""
         for joint, terms in self.driven.items():
             if terms:
                 low, high = (number(float(v)) for v in self.model.jnt_actfrcrange[self.limited[joint]])

@@ -83,8 +83,8 @@ class ModelBuilder:
     def symbols(self, names: Mapping[Any, str]) -> None:
         """Assign names in the model to sympy symbols and functions of time; may be called several times.
 
-        Without this call, a symbol is the parameter, constant or input of its name, and ``t`` is the time. A function
-        of time, such as those of `dynamicsymbols`, is the input of its name or the coordinate of the body of its name.
+        Without this call, a symbol is the parameter, constant or input of the same name, and ``t`` is the time. A
+        function of time, such as those of `dynamicsymbols`, is the input or the body's coordinate of the same name.
 
         Parameters
         ----------

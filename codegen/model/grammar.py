@@ -34,7 +34,7 @@ JUMPS: Final = (AT_LEAST, "sign", "mod")
 
 WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", "distance": "distance(POINT, POINT)",
                       "rate": "rate(POINT, POINT)"}  # fmt: skip
-"""Functions that are replaced by expressions of other functions, with their arguments."""
+"""Functions that the parser replaces by expressions of other functions, each with its form in a file."""
 
 _OTHER_LANGUAGES: Final = {other: name for name, e in TABLE.items() for other in e.elsewhere}
 

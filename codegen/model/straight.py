@@ -1,4 +1,7 @@
-"""Lines between points with a constant direction: both bodies only slide, and all along one direction of the ground."""
+"""Lines of constant direction between two points.
+
+No joint that carries a point rotates, and the joints that carry only one of the points slide along one direction.
+"""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ _MOST: Final = 12
 class SympyNames:
     """Finds the names that sympy symbols have in a model.
 
-    A `Symbol` has its own name. A function of time, such as those of `dynamicsymbols`, is the coordinate of the body of
-    its name if this body is on a joint with one coordinate. A function of time may also be the input of its name, or
-    have the name of a quantity: ``q.NAME``, ``u.NAME``. The time derivative of a coordinate is its speed.
+    A `Symbol` keeps its name. A function of time, such as those of `dynamicsymbols`, is the coordinate of the body of
+    the same name if this body is on a joint with one coordinate. It may also be the input of the same name, or have the
+    name of a quantity: ``q.NAME``, ``u.NAME``. The time derivative of a coordinate is the speed.
 
     Parameters
     ----------
