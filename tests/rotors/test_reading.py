@@ -40,8 +40,8 @@ def read(joint: str) -> codegen.Model:
         ("type: cylindrical, axis: z, armature: [1, -J]", "bodies.hand.joint.armature[1]: -J = -0.1 is negative"),
         ("type: spherical, armature: [1, 2, 3]", "3 values for a spherical joint; one is needed, for turning (kg m^2), the same "
          "about every axis"),
-        ("type: free, armature: 1", "a free joint has no motor, so armature is not allowed; joints that turn or slide by "
-         "coordinates may have it, and spherical ones"),
+        ("type: free, armature: 1", "a free joint has no motor, so armature is not allowed; leave it out, or add it to "
+         "the mass and inertia of the body"),
         ("type: fixed, armature: 1", "a fixed joint has no motor, so armature"),
         ("type: revolute, axis: x, armatur: 1", "did you mean 'armature'?"),
     ],

@@ -313,8 +313,8 @@ def _armature(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound
     wanted = spec.armature_units()
     if not wanted:
         message = (
-            f"a {spec.name} joint has no motor, so armature is not allowed; joints that turn or slide by coordinates may have "
-            f"it, and spherical ones: leave it out here, or add it to mass and inertia of the body"
+            f"a {spec.name} joint has no motor, so armature is not allowed; leave it out, or add it to the mass and inertia of "
+            f"the body"
         )
         reader.report(at, ("joint", "armature"), message)
         return ()

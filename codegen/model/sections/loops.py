@@ -70,7 +70,7 @@ def read_equations(
         if value <= 0 and reader.errors == before:
             message = (
                 f"a distance of {value:g} m is not allowed; give a positive number, since a rod without length has no "
-                f"direction. Points that coincide are a spherical joint"
+                f"direction; for points that coincide, use a spherical joint"
             )
             reader.report(at, sub, message)
         return (sphere(length),), length

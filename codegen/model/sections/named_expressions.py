@@ -33,7 +33,7 @@ def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
         if _size(tree, MAX_SIZE) > MAX_SIZE:
             message = (
                 f"with the named expressions inserted it has more than {MAX_SIZE} names and operations; "
-                f"each use of a name inserts its whole expression, so use fewer names repeatedly"
+                f"each use of a name inserts its whole expression, so use such names less often"
             )
             reader.report(at, (), message)
             continue
