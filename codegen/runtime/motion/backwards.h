@@ -11,14 +11,14 @@ struct ordernm_adjoint {
     ordernm_motion *motion;
     int width, index, ngroups;        /* functionals per group, and number of groups */
     int n;                            /* number of integrated entries with derivatives */
-    long *sampled, behind;            /* numbers of output times still to process, by group; the second is for outputs after jumps */
+    long *sampled, behind;            /* numbers of times still to process: output times by group, times after jumps */
     long timed;                       /* index of the time after a jump that the next switch determines; -1 for none */
     scalar *lambda;                   /* [ngroups][n][width] */
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
     scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with closed loops */
     scalar *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
     void *of_stages;                  /* memory of an implicit method for its equations */
-    int has_next;                     /* a later step exists */
+    int has_next;                     /* whether a later step exists */
     scalar next_t, *next, *next_modes;/* time, state and modes at the start of the later step */
     scalar *p, *inputs;               /* gradients: [ngroups][np][width], [ngroups][count][nsignals][width] */
 };

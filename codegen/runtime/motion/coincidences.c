@@ -89,7 +89,7 @@ static int compare_at(ordernm_motion *m, int e, scalar *row, scalar t, const sca
     return status;
 }
 
-/* For an event at the end of a step after switches. Returns the status of a function. */
+/* Compares an event at the end of a step with the switches passed just before. Returns the status of a function. */
 int ordernm_compare_with_front(ordernm_motion *m, int e, scalar *row)
 {
     if (!m->ntogether || m->row_known || !(m->ngroups || m->results->steps)) return 0;

@@ -367,7 +367,8 @@ int ordernm_jumped_events(ordernm_motion *m, int by_state, int *stop)
     return status;
 }
 
-/* Stores the events at the end of the step; several may occur at the same time. Returns whether the motion stops there. */
+/* Stores the events at the end of the step; several may occur at the same time. `stop` receives whether the motion stops there.
+ * Returns the status of a function. */
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
 {
     const ordernm_problem *const p = m->problem;

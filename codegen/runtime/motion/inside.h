@@ -97,9 +97,9 @@ typedef struct {
 typedef struct {
     scalar h, end;            /* size, and time at the end */
     scalar wall, knot;        /* latest time at which the step may end; the next knot of the inputs */
-    int to_wall, to_pose;     /* the step ends at the wall; a pose where a loop loses rank limits the step size */
-    int again;                /* repeats the step: a stage was too near to a pose where a loop loses rank */
-    int at_pose;              /* the step and the motion end at a pose where a loop loses rank */
+    int to_wall, to_pose;     /* whether the step ends at the wall; whether a pose where a loop loses rank limits the step size */
+    int again;                /* whether to repeat the step, because a stage was too near to a pose where a loop loses rank */
+    int at_pose;              /* whether the step and the motion end at a pose where a loop loses rank */
     int apart;                /* a dropped condition is open by too much after the step */
     scalar dead;              /* position of a dead point of the independent coordinates in the step, relative to the step; else 0 */
     scalar error;             /* error relative to the tolerance */
@@ -112,7 +112,7 @@ struct ordernm_motion {
     const ordernm_system *system;
     const scheme *method;
     int ny, nx, nd;           /* numbers of independent coordinates and speeds, integrals, dependent coordinates */
-    int identity;             /* all coordinates and speeds are independent: z has the layout of the system's arrays */
+    int identity;             /* whether all coordinates and speeds are independent; z then has the layout of the system's arrays */
     long values, size;        /* doubles of z without and with derivatives */
     int ngroups;
     group *groups;            /* [ngroups + 1] the last one is the direction of the motion itself, see flow.c */
@@ -134,10 +134,10 @@ struct ordernm_motion {
     void *precise_work;
     scalar poor;              /* condition number above which loops are closed, and rates computed, in long double */
     scalar poor_rates;        /* the same limit for derivatives of rates and outputs, and for rows of results */
-    int derived;              /* derivatives are needed, forward or by the adjoint */
+    int derived;              /* whether derivatives are needed, forward or by the adjoint */
     scalar best;              /* the smallest condition number at the start of a step so far */
-    int precise;              /* derivatives are computed in long double at the state whose loops were closed last */
-    int precise_values;       /* rates are computed in long double, too; otherwise by the functions in double */
+    int precise;              /* whether derivatives are computed in long double at the state whose loops were closed last */
+    int precise_values;       /* whether rates are computed in long double, too; otherwise by the functions in double */
     int precise_at_end;       /* the value of `precise` at the end of the tried step */
     unsigned precise_stages;  /* the values of `precise` at the stages, one bit each */
     scalar too_poor;          /* condition number that no stage should exceed, because even long double would exceed the tolerance */
@@ -162,15 +162,15 @@ struct ordernm_motion {
     scalar pose;              /* estimated time at which a loop loses rank; else -INFINITY */
     scalar refused_pose, refused_step, refused_error; /* last step across a pose with too large an error: time of the pose, size, error */
     scalar mark;              /* time of the motion some steps ago */
-    long marked;              /* number of steps made at the time `mark` */
+    long marked;              /* number of steps made until the time `mark` */
     scalar looked_at;         /* see ordernm_problem */
     int moved;                /* number of repetitions of a step with shifted stages */
-    int imprecise;            /* long double is needed, but not available yet */
+    int imprecise;            /* whether long double is needed, but not available yet */
     /* current state */
     scalar t, h;
     long segment;             /* piece of the inputs' spline that contains this step */
     long sampled;             /* number of result times already passed */
-    int stopped;              /* an event has stopped the motion */
+    int stopped;              /* whether an event has stopped the motion */
     int begun, adaptive, rejected_before, complete;
     scalar *crossing, *after, *within; /* [nevents] outputs minus levels at the start and end of the step, and in between */
     scalar *part;             /* [nevents] position of the event in the step */
@@ -181,7 +181,7 @@ struct ordernm_motion {
     scalar beside_event[2];   /* one of the two times around the event, and the output minus the level at that time */
     scalar error_to_event;    /* error of the step that was repeated to end at the event */
     int root;                 /* switch at whose zero the tried step starts or ends, see powers.c; -1 for none, MANY_ROOTS */
-    int beside_power;         /* near the step, the function of a power or root is zero, and rates may change as steeply as in a jump */
+    int beside_power;         /* whether a zero of a power or root is near the step, where rates may change as steeply as in a jump */
     scalar root_end;          /* end of the last step that started or ended at the zero of a root; else -INFINITY */
     ordernm_results *results;
     scalar stable;            /* largest factor on the next step size that stability permits, if derivatives are needed */
@@ -210,7 +210,7 @@ struct ordernm_motion {
     scalar *switch_time;      /* [ngroups][LANES] derivatives of the time of the last switch of an output with an event */
     scalar *speeds;           /* [nswitches] rates of switching functions before switches just passed with a jump of rates; else 0 */
     int ntogether, *together; /* number of switches passed at the same time, and these switches in their order */
-    int together_jump;        /* rates jump at one of these switches */
+    int together_jump;        /* whether rates jump at one of these switches */
     scalar together_since, *z_before, *modes_before, *switches_kept; /* time, state and modes before the first of these switches; scratch */
     scalar *z_after;          /* the state after these switches, as if all were passed at once */
     scalar *lost;             /* [ngroups][LANES] NaN for directions without a derivative from now on; else 0 */
@@ -225,9 +225,9 @@ struct ordernm_motion {
     const scalar *p;          /* parameters in use: the problem's, or moved_p */
     scalar *halves[HALVES + 1]; /* [values] rates at the bisection times, and the smallest jumps */
     int suspects;             /* number of steps in which rates may jump without a known switch */
-    int jumps_at_end;         /* a jump of rates without a known switch is suspected at the end of this step */
+    int jumps_at_end;         /* whether a jump of rates without a known switch is suspected at the end of this step */
     scalar turning;           /* largest step in which no half-turn angle leaves its mode by too much; 0: no limit */
-    int switched;             /* modes have changed between the previous step and this one */
+    int switched;             /* whether modes have changed between the previous step and this one */
     long head;                /* how many numbers precede the state in a row of steps */
 };
 

@@ -297,7 +297,7 @@ static scalar moved_function(ordernm_motion *m, scalar h, const point *at, const
     return status ? 0.0 : fabs(m->switches[at->which]);
 }
 
-/* Shift along a direction that changes the singular function from zero to its value at the farther distance along the motion; 0 if the
+/* Shift along a direction that changes the singular function from zero to its value at the farthest distance along the motion; 0 if the
  * function is zero along the whole direction. */
 static scalar reach(ordernm_motion *m, scalar h, const point *at, scalar farthest, const group *g, int lane)
 {

@@ -46,7 +46,7 @@ class Poses:
     position : ndarray (nt, n, 3)
         Origins of the body frames, m.
     shades : dict of str to ndarray (nt, n)
-        Displacement of each body's centre of mass per unit of a parameter, m, by the name of the parameter.
+        Displacement, m, of each body's centre of mass per unit of a parameter, by the name of the parameter.
     twist : ndarray (nt, n, 6) or None
         Angular velocities, rad/s, and velocities of the origins, m/s, in the ground frame, where forces need them.
     arrows : dict of str to Arrows

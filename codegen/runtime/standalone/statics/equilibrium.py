@@ -64,8 +64,8 @@ class Equilibrium:
         Derivatives of q by these parameters and inputs, exact to rounding. NaN for one whose change causes accelerations
         along a neutral direction, so that no equilibrium remains nearby.
     stable : bool or None
-        Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None if undecided, as
-        it may be with a neutral direction, and is near a loss of rank of a loop.
+        Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None if
+        undecided: always near a loss of rank of a loop, and possibly with a neutral direction.
     neutral : ndarray (m, nq)
         Directions of unit length along which the mechanism stays at rest. If there are any, q is one of many equilibria
         near the guess, and dq is the change of least norm.
