@@ -1,6 +1,8 @@
 """The solver in more digits: against the dense method in mpmath's numbers, and what it takes and refuses."""
 
+import io
 import pickle
+import tokenize
 
 import made_once
 import mpmath
@@ -9,6 +11,7 @@ import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
+from codegen.runtime.standalone.trust.precision import Digits, Text
 
 FOUR_BAR = "examples/four_bar.yaml"
 
@@ -164,3 +167,18 @@ def test_forces_of_loops_refuse_accelerations_as_those_of_trees(solver):
     ):
         with pytest.raises(ValueError, match=said):
             solver.inverse_dynamics(q, u, udot)
+
+
+def test_every_float_of_a_module_becomes_a_decimal_number_and_nothing_else(solver):
+    opened = solver._opened
+    text = (opened.folder / f"{opened.manifest['name']}_numpy.py").read_text()
+    text += 'x1e5 = a1.b2 = 7  # 1.5\ny = [1., .5, 1e3, 2.5E-07, 3, x1e5.real]; z = "0.1 \\" 0.2"\n'
+    known, words = {}, []
+    for kind, word, *_ in tokenize.generate_tokens(io.StringIO(text).readline):
+        if kind == tokenize.NUMBER and not word.isdigit():
+            word = known.setdefault(word, f"number_{len(known)}_")
+        words.append(word)
+    made = Text(text, Digits(40))
+    assert made.known == known
+    found = [word for _, word, *_ in tokenize.generate_tokens(io.StringIO(made.text).readline)]
+    assert "".join(found) == "".join(words).replace("importnumpyasnp", "", 1)

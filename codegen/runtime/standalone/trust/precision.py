@@ -11,10 +11,9 @@ import functools
 import importlib.abc
 import importlib.machinery
 import importlib.util
-import io
 import math
+import re
 import threading
-import tokenize
 from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
@@ -176,6 +175,13 @@ class Functions:
         return np.where(condition, a, b)[()]
 
 
+# The tokens of Python that contain floats: strings and comments, where they stay, and the floats themselves.
+STRINGS_AND_FLOATS = re.compile(
+    r'"""[\s\S]*?"""|"(?:[^"\\\n]|\\.)*"|\'(?:[^\'\\\n]|\\.)*\'|#.*'
+    r"|(?<![\w.])(?P<number>(?:\d+\.\d*|\.\d+)(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)"
+)
+
+
 class Text(importlib.abc.InspectLoader):
     """Loads a module of decimal numbers from the text of a module of floats.
 
@@ -186,12 +192,12 @@ class Text(importlib.abc.InspectLoader):
     def __init__(self, text: str, numbers: Digits):
         self.numbers = numbers
         self.known: dict[str, str] = {}
-        tokens = []
-        for kind, word, *_ in tokenize.generate_tokens(io.StringIO(text).readline):
-            if kind == tokenize.NUMBER and not word.isdigit():
-                kind, word = tokenize.NAME, self.known.setdefault(word, f"number_{len(self.known)}_")
-            tokens.append((kind, word))
-        self.text = tokenize.untokenize(tokens).replace("import numpy as np", "", 1)
+
+        def named(found: re.Match[str]) -> str:
+            word = found["number"]
+            return self.known.setdefault(word, f"number_{len(self.known)}_") if word else found[0]
+
+        self.text = STRINGS_AND_FLOATS.sub(named, text).replace("import numpy as np", "", 1)
 
     def get_source(self, fullname: str) -> str:
         return self.text
