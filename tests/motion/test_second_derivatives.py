@@ -11,7 +11,7 @@ import pytest
 from motion.models import driven
 
 import codegen
-from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares
+from codegen.runtime import At, Final, Integral, LeastSquares
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FUNCTIONS = "motion,hessian_products,sensitivities"
@@ -199,8 +199,6 @@ def test_bad_arguments_are_refused(solver: codegen.Solver, more: Any, message: s
 def test_other_refusals(solver: codegen.Solver) -> None:
     with pytest.raises(ValueError, match="nothing to differentiate by; name variables in wrt"):
         solver.judge(1.0, Final("tip_x"), hessian=True)
-    with pytest.raises(ValueError, match="a functional is AtEvent; allowed are Final, At, Integral and LeastSquares"):
-        solver.judge(1.0, AtEvent("t", Event("angle")), wrt="pole_length", hessian=True)
 
 
 @pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")

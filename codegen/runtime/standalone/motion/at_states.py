@@ -12,7 +12,6 @@ from ..arrays import Array
 from ..calls.arguments import Seeds
 from ..statics.jets import Jet, value_of
 from ..statics.second_derivatives import SecondDerivatives
-from .inputs import Inputs
 from .problem import Problem
 
 
@@ -25,6 +24,7 @@ class AtStates:
     def __init__(self, functions: SecondDerivatives, problem: Problem, free: Array):
         self.functions, self.problem, self.free, self.r = functions, problem, free, len(problem.dp)
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
+        self.inputs_at = len(free) + self.np  # where gradients have the derivatives by inputs
         self.compiled = "output_hessian_products" in functions.functions
 
     def states(self, records: Array, t: Array, within: Array, completed: bool) -> Array:
@@ -43,45 +43,57 @@ class AtStates:
             found[:, 1:, :nq] = self.along("completion_sensitivities", found, t, within)["dfull_q"].transpose(1, 0, 2)
         return found
 
+    def given(self, states: Array, t: Array, within: Array) -> dict[str, Array]:
+        """Arguments of functions at states."""
+        n, nq, x = len(states), self.nq, self.problem
+        p, inputs = np.broadcast_to(x.p, (n, self.np)), x.inputs.at(t, within)
+        return {"q": states[:, 0, :nq], "u": states[:, 0, nq:], "p": p, "inputs": inputs, "t": t}
+
+    def seeds(self, states: Array, t: Array, within: Array) -> dict[str, Array]:
+        """The directions (r, n, size) at states (n, 1 + r, nq + nu)."""
+        n, r, nq = len(states), self.r, self.nq
+        dy, dp = states[:, 1:].transpose(1, 0, 2), np.broadcast_to(self.problem.dp[:, None], (r, n, self.np))
+        dinputs = self.input_directions(t, within)
+        return {"dq": dy[..., :nq], "du": dy[..., nq:], "dp": dp, "dinputs": dinputs, "dt": np.zeros((r, n, 1))}
+
     def along(self, name: str, states: Array, t: Array, within: Array) -> dict[str, Array]:
         """Values (n, ...) and derivatives (r, n, ...) of a function's results at states (n, 1 + r, nq + nu)."""
-        n, r, nq, x = len(states), self.r, self.nq, self.problem
-        inputs, dinputs = self.inputs(t, within)
-        dy, of = states[:, 1:].transpose(1, 0, 2), self.functions.functions[name]
-        given = {
-            "q": states[:, 0, :nq], "u": states[:, 0, nq:], "p": np.broadcast_to(x.p, (n, self.np)), "inputs": inputs, "t": t,
-        }  # fmt: skip
-        seeds = {
-            "dq": dy[..., :nq], "du": dy[..., nq:], "dp": np.broadcast_to(x.dp[:, None], (r, n, self.np)),
-            "dinputs": dinputs.transpose(2, 0, 1), "dt": np.zeros((r, n)),
-        }  # fmt: skip
+        return self.results(name, states, t, within, self.seeds(states, t, within))
+
+    def results(
+        self, name: str, states: Array, t: Array, within: Array, seeds: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Results of a function, along seeds if it has any."""
+        given, of = self.given(states, t, within), self.functions.functions[name]
+        along = {s: x[..., 0] if s == "dt" else x for s, x in seeds.items()}
         found = getattr(self.functions.module, of.name)(
-            *(given[a] for a in of.arguments), *(seeds[s] for s in of.seeds)
+            *(given[a] for a in of.arguments), *(along[s] for s in of.seeds)
         )
         return {name: value_of(part) for name, part in zip(of.results, found, strict=True)}
 
-    def outputs(self, states: Array, t: Array, within: Array, weights: Array, changes: Array) -> Array:
-        """Gradients (n, 1 + r, free + np + ninputs) of weighted outputs, and their changes; see `transposed`.
+    def outputs(
+        self,
+        states: Array,
+        t: Array,
+        within: Array,
+        weights: Array,
+        changes: Array,
+        along: Mapping[str, Array] | None = None,
+    ) -> Array:
+        """Gradients (n, 1 + r, free + np + ninputs + 1) of weighted outputs, and their changes; see `transposed`.
 
         Uses compiled functions if the package has them, else dual numbers.
         """
         transposed = "output_sensitivities_transposed"
+        along = self.seeds(states, t, within) if along is None else along
         if not self.compiled:
-            return self.transposed(transposed, states, t, within, {"doutputs": (weights, changes)})
-        n, r, nq, x = len(states), self.r, self.nq, self.problem
-        inputs, dinputs = self.inputs(t, within)
-        dy, functions = states[:, 1:].transpose(1, 0, 2), self.functions.functions
-        arrays = {
-            "q": states[:, 0, :nq], "u": states[:, 0, nq:], "p": x.p, "inputs": inputs, "t": t, "output_weights": weights,
-        }  # fmt: skip
-        along = {
-            "dq": dy[..., :nq], "du": dy[..., nq:], "dp": np.broadcast_to(x.dp[:, None], (r, n, self.np)),
-            "dinputs": dinputs.transpose(2, 0, 1), "dt": np.zeros((r, n, 1)),
-        }  # fmt: skip
+            return self.transposed(transposed, states, t, within, {"doutputs": (weights, changes)}, along)
+        n, r, functions = len(states), len(along["dt"]), self.functions.functions
+        arrays = self.given(states, t, within) | {"p": self.problem.p, "output_weights": weights}
         every = np.concatenate([weights[None], changes.transpose(2, 0, 1)]) if changes.any() else weights[None]
-        found = np.zeros((n, 1 + r, nq + self.nu + self.np + inputs.shape[1]))
-        ends = np.cumsum([0, nq, self.nu, self.np, inputs.shape[1]]).tolist()
-        places = {name: slice(*ends[i : i + 2]) for i, name in enumerate(("q", "u", "p", "inputs"))}
+        ends = np.cumsum([0, self.nq, self.nu, self.np, arrays["inputs"].shape[1], 1]).tolist()
+        found = np.zeros((n, 1 + r, ends[-1]))
+        places = {name: slice(*ends[i : i + 2]) for i, name in enumerate(("q", "u", "p", "inputs", "t"))}
         second = functions["output_hessian_products"]
         seeds = {name: along[name] for name in second.seeds}
         for f, of, mark, first in ((functions[transposed], {"doutputs": every}, "d", 0), (second, seeds, "dg", 1)):
@@ -91,13 +103,21 @@ class AtStates:
             results = self.functions.opened.target.compute(f, given, (n,), Seeds(held, k))
             for name, part in zip(f.results, results, strict=True):
                 if (of_name := name.removeprefix(mark)) in places and name.startswith(mark):
-                    found[:, first : first + k, places[of_name]] += part.transpose(1, 0, 2)
-        return np.ascontiguousarray(found[:, :, [*self.free, *range(nq + self.nu, found.shape[2])]])
+                    found[:, first : first + k, places[of_name]] += part.reshape(k, n, -1).transpose(1, 0, 2)
+        return np.ascontiguousarray(found[:, :, [*self.free, *range(self.nq + self.nu, found.shape[2])]])
 
     def transposed(
-        self, name: str, states: Array, t: Array, within: Array, weights: Mapping[str, tuple[Array, Array]]
+        self,
+        name: str,
+        states: Array,
+        t: Array,
+        within: Array,
+        weights: Mapping[str, tuple[Array, Array]],
+        along: Mapping[str, Array] | None = None,
     ) -> Array:
-        """Gradients (n, 1 + r, free + np + ninputs) of weighted results, and their changes.
+        """Gradients (n, 1 + r, free + np + ninputs + 1) of weighted results, and their changes.
+
+        Gradients are by the independent entries of the state, the parameters, the inputs and time.
 
         Parameters
         ----------
@@ -106,20 +126,16 @@ class AtStates:
             Times, and times within the steps that contain them: inputs may jump between steps.
         weights : dict of two arrays (n, size), (n, size, r)
             Weights of results, and their changes along the directions.
+        along : dict of array (r, n, size), optional
+            Other directions than the problem's.
         """
-        x, n, r = self.problem, len(states), self.r
-        y, dy = states[:, 0], states[:, 1:].transpose(0, 2, 1)
-        inputs, dinputs = self.inputs(t, within)
-        given = {
-            "q": Jet(y[:, : self.nq], dy[:, : self.nq]),
-            "u": Jet(y[:, self.nq :], dy[:, self.nq :]),
-            "p": Jet(np.broadcast_to(x.p, (n, self.np)), np.broadcast_to(x.dp.T, (n, self.np, r))),
-            "inputs": Jet(inputs, dinputs),
-            "t": t,
-        }
+        along = self.seeds(states, t, within) if along is None else along
+        n, r = len(states), len(along["dt"])
+        slopes = {name: part.transpose(1, 2, 0) for name, part in along.items()} | {"dt": along["dt"][..., 0].T}
+        given = {name: Jet(x, slopes[f"d{name}"]) for name, x in self.given(states, t, within).items()}
         seeds = {seed: Jet(value[None], change[None]) for seed, (value, change) in weights.items()}
         found = self.functions.along(name, given, seeds)
-        sizes = {"dq": self.nq, "du": self.nu, "dp": self.np, "dinputs": inputs.shape[1]}
+        sizes = {"dq": self.nq, "du": self.nu, "dp": self.np, "dinputs": given["inputs"].value.shape[1], "dt": 1}
         by_name = dict(zip(self.functions.functions[name].results, found, strict=True))
         parts = []
         for part, size in sizes.items():
@@ -133,15 +149,24 @@ class AtStates:
         kept = [*self.free, *range(self.nq + self.nu, whole.shape[2])]
         return np.ascontiguousarray(whole[:, :, kept])
 
-    def inputs(self, t: Array, within: Array) -> tuple[Array, Array]:
-        """Inputs (n, ninputs) at times, and their derivatives along the directions (n, ninputs, r); see `transposed`."""
-        x: Inputs = self.problem.inputs
-        values = x.at(t, within)
-        along = np.zeros((*values.shape, self.r))
-        if self.problem.dinputs is not None:
-            for i, control in enumerate(self.problem.dinputs):
-                along[..., i] = replace(x, values=control).at(t, within)
-        return values, along
+    def input_directions(self, t: Array, within: Array, order: int = 0) -> Array:
+        """Derivatives (r, n, ninputs) of the inputs, or of their time derivatives, along the directions."""
+        x, of = self.problem.inputs, self.problem.dinputs
+        if of is None:
+            return np.zeros((self.r, *x.at(t, within).shape))
+        return np.array([replace(x, values=control).at(t, within, order) for control in of])
+
+    def flow(self, states: Array, t: Array, within: Array) -> dict[str, Array]:
+        """The motion itself as a direction: rates (1, n, size) of independent entries, inputs and time at states."""
+        rates = self.results("state_rates", states, t, within, {})
+        dy = np.zeros((1, len(states), self.nq + self.nu))
+        dy[0][:, self.free] = np.concatenate([rates["qdot"], rates["udot"]], axis=1)[:, self.free]
+        zeros, dinputs = np.zeros((1, len(states), self.np)), self.problem.inputs.at(t, within, 1)[None]
+        ones = np.ones((1, len(states), 1))
+        found = {"dq": dy[..., : self.nq], "du": dy[..., self.nq :], "dp": zeros, "dinputs": dinputs, "dt": ones}
+        if not self.compiled and len(self.free) < dy.shape[2]:
+            found["dq"] = self.results("completion_sensitivities", states, t, within, found)["dfull_q"]
+        return found
 
 
 __all__ = ["AtStates"]

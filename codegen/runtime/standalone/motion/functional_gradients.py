@@ -39,6 +39,7 @@ from .hessians import Motion, Wanted, check_joints, check_supported, curvature_o
 from .problem import Problem, Run
 from .settings import Settings, Start
 from .simulation import MEANINGLESS, Simulation, meaningless
+from .weights_along import Crossed
 
 GRADIENTS = ("auto", "forward", "adjoint")
 
@@ -121,7 +122,7 @@ class FunctionalGradients(Simulation):
         )
         along = directions_of(hessian, directions.names)
         if along is not None:
-            return self._with_hessian(wanted, problem, directions, along, first, memory)
+            return self._with_hessian(wanted, events, problem, directions, along, first, memory)
         way = self._way(method, len(wanted), directions.k, settings.method)
         found = None if way != "adjoint" else self._by_adjoint(wanted, events, problem, directions, memory)
         if (
@@ -166,6 +167,7 @@ class FunctionalGradients(Simulation):
     def _with_hessian(
         self,
         wanted: list[Functional],
+        events: list[Event],
         along: Problem,
         directions: Directions,
         factors: Array,
@@ -178,7 +180,8 @@ class FunctionalGradients(Simulation):
         problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=True, memory=memory)
         nothing = Directions((), directions.dq, directions.du, directions.dp, None, True)
-        _, values, weights = self._values(wanted, [], problem, run, nothing)
+        crossings, values, weights = self._values(wanted, events, problem, run, nothing)
+        crossed = [self._crossed(crossings[f.event]) if isinstance(f, AtEvent) else None for f in wanted]
         dinputs = None if along.dinputs is None else np.einsum("rk,kci->rci", factors, along.dinputs)
         combined = replace(
             along, dq=factors @ along.dq, du=factors @ along.du, dp=factors @ along.dp, dinputs=dinputs, kept=[]
@@ -188,7 +191,7 @@ class FunctionalGradients(Simulation):
             motion.opened.append(self._motion(s.opened))
             check_joints(self.name, motion.opened[-1][2])
             self._in_c(s.opened).run_backwards(motion.opened[-1][2])
-        asked = Wanted(wanted, weights.times, weights.outputs, weights.integrals, self.output_names)
+        asked = Wanted(wanted, weights.times, weights.outputs, weights.integrals, self.output_names, crossed)
         found = curvature_of(motion, combined, asked, memory)
         changes = found.state @ np.concatenate([along.dq, along.du], axis=1).T + found.p @ directions.dp.T
         if along.dinputs is not None:
@@ -206,6 +209,16 @@ class FunctionalGradients(Simulation):
             )
         counts = run.counts | {"hessian_products": found.products}
         return Judged(values, gradients, directions.names, "adjoint", counts, products)
+
+    def _crossed(self, c: Crossing) -> Crossed:
+        """An event as second derivatives need it; refuses jumps over the level."""
+        if c.pace < 0.0:
+            raise ValueError(
+                f"hessian: {c.event.output} jumps over the level {c.event.level:g} of an event at t = {c.t:.9g} s, but hessian "
+                "needs outputs that are continuous at their events. Gradients are available without hessian"
+            )
+        index = self.output_names.index(c.event.output)
+        return Crossed(c.t, index, crossing_speed(c.rates, c.pace, index))
 
     def _dual(self, opened: Opened) -> SecondDerivatives:
         """The functions of a partition on dual numbers; loaded once."""

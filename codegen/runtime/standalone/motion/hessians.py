@@ -14,8 +14,9 @@ from ..errors import PackageError
 from ..statics.second_derivatives import SecondDerivatives
 from .adjoint import made_again
 from .at_states import AtStates
-from .functionals import AtEvent, Functional, LeastSquares, WeightedResults
+from .functionals import Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
+from .weights_along import Crossed, by_control_points, of_event, of_squares
 
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
@@ -64,8 +65,8 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
     what = ""
     if method == "radau":
         what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
-    elif refused := [type(f).__name__ for f in wanted if isinstance(f, (AtEvent, WeightedResults))]:
-        what = f"a functional is {refused[0]}; allowed are Final, At, Integral and LeastSquares"
+    elif refused := [type(f).__name__ for f in wanted if isinstance(f, WeightedResults)]:
+        what = f"a functional is {refused[0]}; allowed are Final, At, Integral, AtEvent and LeastSquares"
     if what:
         raise ValueError(f"hessian: {what}. Gradients are available without hessian")
     rates = ["coordinate_rate_hessian_products"] if package.coordinate_names != package.speed_names else []
@@ -228,7 +229,7 @@ class _Tangents:
             states = self.functions.states(records, t.ravel(), within, not self.functions.compiled)
             of = np.broadcast_to(weights, (len(states), len(weights)))
             changes = np.zeros((*of.shape, self.r))
-            found = self.functions.outputs(states, t.ravel(), within, of, changes)
+            found = self.functions.outputs(states, t.ravel(), within, of, changes)[..., :-1]
             whole = np.zeros((count, stages, *found.shape[1:]))
             whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
             parts.append(whole)
@@ -253,13 +254,17 @@ class Motion:
 
 @dataclass(slots=True)
 class Wanted:
-    """Functionals, and their derivatives by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals)."""
+    """Functionals, and their derivatives by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
+
+    `crossed` has the event of each functional, or None.
+    """
 
     functionals: Sequence[Functional]
     times: Array
     by_output: Array
     by_integral: Array
     output_names: Sequence[str]
+    crossed: Sequence[Crossed | None]
 
 
 def curvature_of(motion: Motion, along: Problem, wanted: Wanted, memory: int) -> Curvature:
@@ -333,12 +338,21 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
         here = np.isin(wanted.times, of.times)
         changes = np.zeros((len(of.times), len(names), of.r))
         if isinstance(f, LeastSquares) and len(of.times):
-            changes = _changes(f, of, names)
+            changes = of_squares(f, of, names)
+        event, moved = wanted.crossed[number], None
+        if event and event.t in of.times:
+            row = int(np.searchsorted(of.times, event.t))
+            moved = of_event(event, of, row, by_output[here][row])
+            changes[row] = moved.weights
         sources = np.zeros(0)
         if len(of.times):
-            sources = of.functions.outputs(of.states, of.times, of.within, by_output[here], changes)
+            sources = of.functions.outputs(of.states, of.times, of.within, by_output[here], changes)[..., :-1].copy()
+        if moved:
+            sources[row, 1:] += moved.source
         integrands = of.integrands(weights) if weights.any() else [None] * len(of.parts)
         start, p, inputs = of.back(sources, integrands, finish)
+        if moved:
+            inputs[1:] += moved.inputs
         if total is not None and later is not None:
             p, inputs = p + total[0] + completed[0], inputs + total[1] + completed[1]
         total = p, inputs
@@ -360,32 +374,14 @@ def _changed(of: _Tangents, later: Array) -> tuple[Array, Array, Array]:
     }
     t, within = np.array([of.end]), np.array([of.middle])
     found = of.functions.transposed("completion_sensitivities_transposed", of.changed[None], t, within, by)[0]
-    state, p, inputs = found[:, :free], found[:, free : free + n_p], found[:, free + n_p :]
-    x = of.along.inputs
-    whole = np.zeros((1 + of.r, *x.values.shape))
-    unit = replace(x, values=np.eye(len(x.values)), moving=())
-    signals = [(i, 0) for i in range(x.values.shape[1])] + [(i, order) for i in x.moving for order in (1, 2)]
-    for (signal, order), column in zip(signals, inputs.T, strict=True):
-        whole[:, :, signal] += np.outer(column, unit.derivative(t, order, within=within)[0])
-    return np.ascontiguousarray(state), p, whole
+    state, p, inputs = found[:, :free], found[:, free : free + n_p], found[:, free + n_p : -1]
+    return np.ascontiguousarray(state), p, by_control_points(of.along.inputs, t, within, inputs)
 
 
 def _middles(steps: Array) -> Array:
     """Times in the middle of steps."""
     middles: Array = steps[:, 0] + 0.5 * steps[:, 1]
     return middles
-
-
-def _changes(f: LeastSquares, of: _Tangents, names: Sequence[str]) -> Array:
-    """Changes (nt, noutputs, r), along the directions, of the derivatives of a sum of squares by the outputs."""
-    times = np.asarray(f.times, float)
-    _, every = f.residuals(np.zeros((len(times), len(names))), names)
-    weight = np.zeros((len(of.times), len(names)))
-    here = np.isin(times, of.times)
-    weight[np.searchsorted(of.times, times[here])] = every[here]
-    value = of.functions.along("output_sensitivities", of.states, of.times, of.within)["doutputs"]
-    found: Array = (weight**2)[..., None] * value.reshape(of.r, *weight.shape).transpose(1, 2, 0)
-    return found
 
 
 __all__ = ["Curvature", "Motion", "Wanted", "check_joints", "check_supported", "curvature_of", "directions_of"]

@@ -54,9 +54,9 @@ class Inputs:
 
     # -- over time -----------------------------------------------------------------------------------------------------
 
-    def at(self, t: Array | float, within: Array | None = None) -> Array:
-        """Inputs (*t.shape, ninputs) at times t; see `derivative`."""
-        return self._inputs(t, 0, within)
+    def at(self, t: Array | float, within: Array | None = None, order: int = 0) -> Array:
+        """Inputs (*t.shape, ninputs) at times t, or their time derivatives of an order; see `derivative`."""
+        return self._inputs(t, order, within)
 
     def rate(self, t: Array | float) -> Array:
         """Time derivatives (*t.shape, ninputs) of the inputs at times t."""

@@ -31,7 +31,8 @@ class Jet(np.lib.mixins.NDArrayOperatorsMixin):
         self.value, self.slope = np.asarray(value, float), slope
 
     def __getitem__(self, at: Any) -> Jet:
-        return Jet(self.value[at], self.slope[at])
+        from_end = isinstance(at, tuple) and any(part is Ellipsis for part in at)
+        return Jet(self.value[at], self.slope[(*at, slice(None))] if from_end else self.slope[at])
 
     def __len__(self) -> int:
         return len(self.value)
