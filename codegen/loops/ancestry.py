@@ -29,8 +29,8 @@ class Ancestry:
 
     def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
         self.parent, self.depth, self.ground = parent, depth, ground
-        # for every body, the inboard body to which it jumps: past its parent's next two jumps if these are equally
-        # long
+        # for every body, the inboard body to which it jumps: past the next two jumps of its parent if these are
+        # equally long, otherwise the parent
         self._jump = [ground] * (ground + 1)
         inside = [1] * (ground + 1)
         for k in outward:

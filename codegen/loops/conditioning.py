@@ -137,13 +137,15 @@ class Conditioning:
         return (chosen, best) if best.is_clearly_better(given) else (drafts, given)
 
     def own_choice(self) -> tuple[list[Draft], Comparison] | None:
-        """A choice that is made at the initial state and improved by `better`; None if the loops cannot be ordered."""
+        """A choice that is made at several configurations and improved by `better`; None if the loops cannot be
+        ordered."""
         drafts = self._arranged(self.held, False)
         return self.better(drafts) if drafts is not None else None
 
     def _further_reaching(self, given: Comparison) -> Iterator[list[Draft]]:
-        """Choices with which the loops may close more often: for a single loop the best of all choices, otherwise the choice
-        made at the initial state. Such a choice divides no quaternion joint and adds no cluster."""
+        """Choices with which the loops may close more often: for a single loop the best of all choices, otherwise a
+        choice that is made at several configurations. Such a choice divides no quaternion joint and adds no
+        cluster."""
         g = self.geometry
         scalar = not any(g.whole[k] for k in g.speed_body[self.speeds])
         if len(self.loops) == 1 and scalar and math.comb(len(self.free), self.rank) <= FEW:

@@ -30,10 +30,10 @@ GOOD_CONDITION = 20.0
 distance from the cut."""
 
 MAX_COMBINATIONS = 500
-"""Number of combinations of whole quaternion joints that are tried as dependent."""
+"""Largest number of combinations of whole quaternion joints that are tried as dependent."""
 
 MAX_SERVING = 8
-"""Number of compared combinations whose columns span the range of A."""
+"""Largest number of combinations, with columns that span the range of A, that are compared."""
 
 MAX_DIVIDED = 6
 """Largest number of rotations or displacements that are tried one by one as the only divided group."""

@@ -53,7 +53,8 @@ LEAST_OFF = 1e-13
 """Angle between two axes, rad, that counts as a rounding error, so that the axes are parallel."""
 
 AS_GOOD = 0.7
-"""Factor by which the quality of a later set of conditions must exceed that of the best one."""
+"""Fraction of the quality of a later set of conditions, or of the largest remainder of a row, from which an earlier
+one is as good."""
 
 WORTH_TURNING = 0.6
 """Fraction of the quality along axes of ``to`` below which conditions along axes of ``from`` are replaced."""
@@ -99,7 +100,8 @@ def nearly_redundant(
 
 
 def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
-    """Residuals of an ear's redundant conditions, for its motions and for its position, relative to rounding errors."""
+    """Residuals of an ear's redundant conditions, for its motions and for its position, relative to sizes to which
+    rounding errors are proportional."""
     E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
     A = E[:, [closure.column[s] for s in draft.dependent]]
     U, s, _ = np.linalg.svd(A)
@@ -112,7 +114,8 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
 
 
 def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
-    """Conditions of an ear that determine its dependents best, at the worst configuration; as pairs of loop and row of six.
+    """Conditions of an ear that determine its dependents best, judged at the worst configuration; as pairs of loop and
+    row of six.
 
     Singular configurations are ignored; if all are singular, all conditions are kept. An ear without dependents keeps none.
     """
@@ -260,7 +263,7 @@ def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
 
 
 def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> tuple[set[int], set[int]]:
-    """Parameters that open redundant conditions if they change alone, each with the loops that it opens."""
+    """Parameters that open redundant conditions if they change alone, and the loops that they open."""
     model = geometry.model
     if not any(d.rows > len(d.dependent) for d in drafts):
         return set(), set()

@@ -27,7 +27,7 @@ PATIENCE = 6
 """Number of steps within which the residual must decrease by a third."""
 
 LARGEST_STEP = 0.7
-"""Largest step, rad or characteristic lengths; a linearisation is not valid beyond half a radian."""
+"""Largest step, rad or characteristic lengths; a linearisation is not valid far beyond half a radian."""
 
 LEAST_STEP = 1e-5
 """Length of a step below which the iteration fails."""
@@ -90,8 +90,8 @@ class Ring:
 
     @staticmethod
     def _carrier(groups: PoseGroups, place: dict[int, int], body: int) -> tuple[int, Array, Array, int]:
-        """The moving joint that carries a body, the body's frame relative to that joint's body, and the innermost
-        body."""
+        """The moving joint that carries a body, the body's frame relative to that joint's body, and the innermost body
+        of its group."""
         base = groups.find(body)
         if body == base:
             R, o = np.broadcast_to(np.eye(3), groups.R[body].shape), np.zeros_like(groups.o[body])
