@@ -2,7 +2,7 @@
 
 The elimination is a pivoted Gram-Schmidt process with re-orthogonalisation (a stable form of the paper's Eqs. 33-38). The
 columns are ordered from the cut inward. The pivot is the first column that is not much smaller than the largest among the
-next few. That keeps an ear short.
+next few. This choice keeps an ear short.
 """
 
 from __future__ import annotations

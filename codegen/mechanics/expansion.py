@@ -84,7 +84,7 @@ class FieldUse:
         self._written: dict[AnyField, tuple[str, dict[Component, None]]] = {}
 
     def note(self, sweep: Sweep, x: Expansion) -> None:
-        """Records what a block loads and stores, including tangents."""
+        """Records the fields that a block loads and stores, including those for tangents."""
         self._read.update(name for _, name in x.block.loads.values())
         self._families.update(entry.family for entry in x.reads.values())
         for store, name, value in x.block.stores:
@@ -290,7 +290,7 @@ def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
     read: dict[int, frozenset[int]] = {}
     while before != len(needed):
         before = len(needed)
-        for n, of in reversed([*enumerate(blocks)]):  # later blocks read most of what is needed
+        for n, of in reversed([*enumerate(blocks)]):  # later blocks read most of the needed places
             stored = frozenset(
                 i for i, target in enumerate(of.targets) if target is None or not target.isdisjoint(needed)
             )

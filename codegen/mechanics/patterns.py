@@ -97,7 +97,7 @@ class _Run:
 
 
 class Patterns:
-    """Fields of each memory that can differ from zero, and those that are 1 or -1 in every state, by kind."""
+    """Fields of each memory that can differ from zero, and fields that are 1 or -1 in every state, by kind."""
 
     def __init__(self, system: System):
         self.system = system

@@ -70,7 +70,8 @@ def value_of_function(name: str, values: Sequence[float]) -> float:
 
 
 def _elementary(name: str, parity: int = 0) -> Made:
-    """A function that is evaluated at once for numbers; odd and even functions drop the sign of their argument."""
+    """A function that is evaluated at once for numbers. For odd and even functions, the sign of the argument is taken
+    out."""
 
     def of(*arguments: object) -> Expr:
         args = tuple(map(expression, arguments))
@@ -194,7 +195,7 @@ SYMBOLIC: dict[str, Made] = {
     "mod": Modulo,
     "wrapped": Modulo, "choice": Choice, "vanishing": Vanishing,
 }  # fmt: skip
-"""Elementary functions that the model format has, by name."""
+"""Elementary functions that expression trees call, by name."""
 
 _FUNCTIONS = SimpleNamespace(**SYMBOLIC)
 

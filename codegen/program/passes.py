@@ -247,8 +247,8 @@ def drop_dead(block: Block) -> Block:
 def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, str, Expr]]]]:
     """Every store, preceded by the statements that it needs and that no earlier store has needed, depth first.
 
-    So few values are alive at a time. Blocks of a hundred statements run up to 8 % faster than in the order of writing, with 16
-    registers and with 32.
+    This order keeps only few values alive at a time. Blocks of a hundred statements run up to 8 % faster than in the
+    order of writing, with 16 registers and with 32.
     """
     places = {s.target: i for i, s in enumerate(block.statements)}
     done: set[int] = set()

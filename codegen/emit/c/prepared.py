@@ -73,8 +73,8 @@ class CPrepared(CMemory):
         return f"a->constants[{index}]"
 
     def ground_tangent(self) -> tuple[list[str], list[str]]:
-        """Lines that set the tangent of the ground if gravity depends on parameters, and lines that set it to zero
-        otherwise."""
+        """If gravity depends on parameters: lines that set the tangent of the ground, and lines that set this tangent
+        to zero."""
         lines: list[str] = []
         zero: list[str] = []
         for name, terms in self.plan.ground.tangents:
