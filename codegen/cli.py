@@ -96,7 +96,7 @@ def _wrong(error: Any) -> None:
     """Prints the first problems of a model, at most `PROBLEMS`."""
     from .summary import first
 
-    for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):
+    for line in first(error.problems, PROBLEMS, "and {} more problems; solve these first"):
         _problem(line)
     _explain(error)
 

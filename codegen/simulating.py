@@ -417,7 +417,7 @@ def lines_of(run: Run, width: int | None) -> list[str]:
     if len(rows) > ROWS:
         lines.append(f"  and {len(rows) - ROWS} more")
     if len(x.sensitivity_names) > COLUMNS:
-        lines.append(f"  and derivatives by {len(x.sensitivity_names) - COLUMNS} more")
+        lines.append(f"  and derivatives with respect to {len(x.sensitivity_names) - COLUMNS} more")
     if run.written:
         lines.append(f"  written: {', '.join(map(str, run.written))}")
     return lines

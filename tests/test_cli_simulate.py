@@ -176,7 +176,7 @@ def test_large_tables_are_cut():
                    coordinate_names=[f"a{i}" for i in range(n)], speed_names=[f"a{i}" for i in range(n)],
                    sensitivity_names=[f"p{i}" for i in range(k)])  # fmt: skip
     lines = simulating.lines_of(simulating.Run(x, 0.0), None)
-    assert "  and 56 more" in lines and "  and derivatives by 3 more" in lines and len(lines) < 40
+    assert "  and 56 more" in lines and "  and derivatives with respect to 3 more" in lines and len(lines) < 40
 
 
 def test_what_is_asked_for_arrives(here, stand_in, capsys):

@@ -172,7 +172,7 @@ def profile_interval(
     ends = [float(space.origin[i] + space.scale[i] * (x[i] + of.end(factor, sign))) for sign in (-1.0, 1.0)]
     if of.better:
         warn(
-            f"fit: with {name} beside its value the sum of squares is smaller, so the search had not found its minimum; "
+            f"fit: other values of {name} give a smaller sum of squares, so the search had not found the minimum; "
             f"start fit from other values (p=), or make tolerance smaller"
         )
     return ends[0], ends[1]

@@ -64,7 +64,7 @@ class LoadCases(OfVariables):
             )
         for i, case in enumerate(self.cases):
             if not isinstance(case, Objective):
-                raise ValueError(f"load_cases: case {i} is {case!r}, expected what ordernm.objective returns")
+                raise ValueError(f"load_cases: case {i} is {case!r}, expected the result of ordernm.objective")
         self.variables = self.cases[0].variables
         for i, case in enumerate(self.cases):
             if difference := _difference(self.variables, case.variables):

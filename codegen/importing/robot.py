@@ -330,7 +330,7 @@ class Effect(Enum):
     """How leaving out an element affects the motion."""
 
     DIFFERS = "the dynamics differ"
-    STOPS = "no effect away from limits and contacts"
+    STOPS = "no effect within limits and without contact"
     DRIVEN = "acts when driven only"
     UNKNOWN = "its effect is unknown"
     NONE = "no effect on the dynamics"

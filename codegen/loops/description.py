@@ -78,7 +78,7 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         other = "choice by pivoting"
         text = f"  all dependent speeds{which} together: condition number {found.condition:.2g} ({other}: {found.pivoted:.2g})"
         if found.worst == found.worst:
-            text += f"; in 75% of other states at most {found.worst:.2g} ({other}: {found.worst_pivoted:.2g})"
+            text += f"; at most {found.worst:.2g} in 75% of other states ({other}: {found.worst_pivoted:.2g})"
         if found.reach == found.reach:
             text += f"; the loops close after {found.reach:.0%} of random displacements"
         lines.append(text)

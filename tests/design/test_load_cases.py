@@ -81,7 +81,7 @@ def test_what_is_wrong_is_told(solver):
     )
     for arguments, message in (
         (([],), "list of objectives is empty"),
-        (([one, Final("x")],), "case 1 is Final.*, expected what ordernm.objective returns"),
+        (([one, Final("x")],), "case 1 is Final.*, expected the result of ordernm.objective"),
         (([one, more],), "variables of case 1 have other names than those of case 0"),
         (([one, wider],), "variables of case 1 have other lower bounds"),
         (([one, one],), "given twice; give it once, with a weight"),

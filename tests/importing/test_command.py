@@ -23,7 +23,7 @@ def test_a_model_file_is_written_and_what_is_left_out_listed(here, capsys):
     assert not err
     assert out.splitlines() == [
         "wrote model.yaml: 2 bodies, 2 speeds; now: generate model.yaml",
-        "  left out: <limit> (line 40): limits of position, speed and force; no effect away from limits and contacts",
+        "  left out: <limit> (line 40): limits of position, speed and force; no effect within limits and without contact",
     ]
     assert sorted(p.name for p in here.iterdir()) == ["arm.urdf", "model.yaml"]
     assert main(["check", "model.yaml"]) == 0

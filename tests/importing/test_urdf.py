@@ -33,7 +33,7 @@ def test_the_file_is_as_a_person_would_write_it(tmp_path):
 # robot.urdf, imported by ordernm.
 # Fixed to the ground: base, 1 kg.
 # Left out:
-#   <collision> of a cylinder (line 3): no effect away from limits and contacts
+#   <collision> of a cylinder (line 3): no effect within limits and without contact
 model: robot
 gravity: [0, 0, -9.81]
 
@@ -189,7 +189,7 @@ def test_what_is_left_out_is_listed_with_its_lines(tmp_path):
     found = imported(tmp_path, text)
     assert set(found.left_out) == {
         "<visual> of a mesh, package 'nowhere' not found (--package-path) (line 3): no effect on the dynamics",
-        "<limit> (line 4): limits of position, speed and force; no effect away from limits and contacts",
+        "<limit> (line 4): limits of position, speed and force; no effect within limits and without contact",
         "friction of <dynamics> (line 4): dry friction of joints; the dynamics differ",
         "<safety_controller> (line 4): limits of controllers; acts when driven only",
         "<transmission> (line 5): transmissions; acts when driven only",

@@ -84,7 +84,7 @@ def test_materials_without_a_colour_and_meshes_for_collisions_are_listed(tmp_pat
     found = codegen.import_model(tmp_path / "shown.urdf")
     assert [color for *_, color, _ in visuals(found)] == ["", "", ""]
     assert {
-        "<collision> of a mesh (line 3): no effect away from limits and contacts",
+        "<collision> of a mesh (line 3): no effect within limits and without contact",
         "<material> 'steel' without a valid colour (line 5): no effect on the dynamics",
         "<material> without a valid colour (line 10): no effect on the dynamics",
     } <= {*found.left_out}

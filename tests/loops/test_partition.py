@@ -398,7 +398,7 @@ def test_description_names_what_depends_on_what():
         "  foot: coupler, rocker dependent; rank 2 of 5 conditions, 3 redundant; condition number 1."
     )
     assert lines[2].startswith(
-        "  all dependent speeds together: condition number 1.3 (choice by pivoting: 1.2); in 75%"
+        "  all dependent speeds together: condition number 1.3 (choice by pivoting: 1.2); at most"
     )
     assert lines[3].startswith("3 of 5 conditions are redundant")
 
