@@ -145,8 +145,8 @@ static const number numbers_of_constants_0[1][9] = {
 };
 
 #ifdef ORDERNM_VECTORS
-/* Number of angles whose sines are computed at once: at most four, even if vectors hold eight, since scalar code would wait longer for
- * eight sines than a vector of eight saves. With several states, vectors hold one angle of each state. */
+/* Number of angles whose sines are computed at once: at most four, even if vectors hold eight. The scalar code that reads the sines would
+ * wait for all eight, which costs more time than a vector of eight saves. With several states, vectors hold one angle of each state. */
 #ifdef ORDERNM_STATES
 enum { ANGLES_AT_ONCE = 1 };
 typedef vector_8 angles_at_once;
@@ -179,8 +179,8 @@ static inline int any_bit(const void *at, int n)
 /* Sines and cosines of n angles (and of those that fill the last vector), below one unit in the last place.
  * Angle i is given in trig[ANGLES + i]; its sine replaces it there, and its cosine is stored in trig[i].
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4].
- * The C library computes larger or non-finite angles, and those that a rounding mode other than to nearest leaves outside this
- * range. */
+ * The C library is used for larger or non-finite angles, and for angles that stay outside this range because numbers are not rounded
+ * to nearest. */
 static void sines_and_cosines(int n, double *trig)
 {
     double *const cosine = trig, *const sine = trig + ANGLES;
