@@ -188,7 +188,6 @@ def test_more_memory_than_allowed_is_refused(solver: codegen.Solver) -> None:
     [
         ({"hessian": [1.0, 2.0]}, r"hessian is \[1.0, 2.0\]; allowed are True, .* or directions \(r, 7\)"),
         ({"hessian": [np.nan] * 7}, "hessian: directions must be finite"),
-        ({"hessian": True, "integrator": "radau"}, "integrator is 'radau'; allowed are 'dop853' and 'rk4'"),
     ],
 )
 def test_bad_arguments_are_refused(solver: codegen.Solver, more: Any, message: str) -> None:
@@ -290,7 +289,9 @@ def test_prescribed_motion(tmp_path: Path) -> None:
         assert (np.abs(found[:, i] - differences).max(axis=1) < 1e-7 * scale).all()
 
 
-def same_as_differences(judge: Any, x: np.ndarray, apart: np.ndarray, tolerance: float) -> np.ndarray:
+def same_as_differences(
+    judge: Any, x: np.ndarray, apart: np.ndarray, tolerance: float, rounding: float = 1e-12
+) -> np.ndarray:
     """Checks Hessians against differences of gradients of order six, and their symmetry; returns them."""
     found, plain = judge(x, hessian=True), judge(x, method="adjoint")
     hessians = found.hessian_products
@@ -298,7 +299,7 @@ def same_as_differences(judge: Any, x: np.ndarray, apart: np.ndarray, tolerance:
     assert (scale > 0.0).all()
     of_gradient = np.abs(plain.gradients).max(axis=1, keepdims=True)
     assert (np.abs(found.gradients - plain.gradients) < 1e-12 * of_gradient).all()
-    assert (np.abs(hessians - hessians.transpose(0, 2, 1)).max(axis=(1, 2)) < 1e-12 * scale).all()
+    assert (np.abs(hessians - hessians.transpose(0, 2, 1)).max(axis=(1, 2)) < rounding * scale).all()
     for i, h in enumerate(apart):
         step = h * np.eye(len(x))[i]
         sides = [

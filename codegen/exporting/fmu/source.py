@@ -17,10 +17,14 @@ from .variables import Variable
 
 LEFT_OUT = (
     "curvature.c",
+    "explicit_curvature.c",
+    "radau_curvature.c",
+    "gradient_tangents.c",
     "backwards.c",
     "transposes.c",
     "explicit_backwards.c",
     "radau_backwards.c",
+    "radau_transposed.c",
     "switches_backwards.c",
 )
 """Files of the integrator for Hessians and adjoints of motions, which no function of the standard needs."""

@@ -4,8 +4,10 @@
  *
  *     control, backwards, curvature                        a motion step by step; its adjoint; tangents of the adjoint
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and start; the adjoint of a step, and of switches
+ *     explicit_curvature, radau_curvature                  tangents of a step and of its adjoint
  *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
  *                                                           derivatives; the adjoint of a state
+ *     gradient_tangents, radau_transposed                  tangents of the adjoint of a state; transposed equations of a step
  *     explicit, radau, passing, points, powers             one step; passing a switch; singular points; unbounded derivatives
  *     coincidences                                         events and knots at the same time as a switch
  *     radau_sensitivities, switches, poses, dead_points    derivatives of a step; modes; poses where loops lose rank

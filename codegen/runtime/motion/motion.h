@@ -299,7 +299,7 @@ int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_
 
 /* ---- Hessian products: tangents of the gradients along the problem's directions. ---- */
 
-/* Explicit methods, motions that cross no switch. With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
+/* Motions that cross no switch. With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
  * rows of its independent entries: values, then derivatives along each direction; in models with loops, all nq coordinates follow.
  * Sources are derivatives of a functional by the independent entries, the parameters and the inputs, and the tangents of these
  * derivatives: [1 + k][n + np + ninputs]. */

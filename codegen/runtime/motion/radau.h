@@ -53,6 +53,20 @@ enum { CONVERGED = -100, DIVERGED, INFINITE }; /* in addition to the status of f
 
 static inline scalar ordernm_time_of_stage(scalar t, scalar h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
 
+/* The transposed equations of the stages, see radau_transposed.c. Right sides become residuals; `at` is the position of their entries,
+ * [n][width], in the arrays of adjoints. */
+typedef struct ordernm_transposed {
+    ordernm_motion *motion;
+    scalar h;
+    int width;
+    long at;
+    scalar *const *stage;     /* states at the stages, loops closed */
+    scalar *const *right, *const *change, *const *mu; /* right sides; scratch; the solution */
+    scalar *lambda, *nu;      /* the adjoint at the start of the step; scratch */
+    void *of;                 /* data of the function: */
+    int (*rates_transposed)(const struct ordernm_transposed *equations, int i); /* nu = f_z^T change at a stage, and adds to the gradients */
+} ordernm_transposed;
+
 /* radau.c */
 void ordernm_radau_weights(scalar theta, scalar *w);
 int ordernm_radau_replay(ordernm_motion *m, const scalar *known, scalar *row);
@@ -68,6 +82,9 @@ void ordernm_radau_precondition_transposed(const struct radau *r, scalar *const 
 int ordernm_radau_factorise_stages(struct radau *r, scalar h);
 void ordernm_radau_solve_stages(ordernm_motion *m, scalar h, long at, int width);
 void ordernm_radau_solve_transposed(const struct radau *r, scalar h, scalar *const *mu, int width);
+
+/* radau_transposed.c */
+int ordernm_radau_solve_adjoint(const ordernm_transposed *equations);
 
 /* radau_sensitivities.c */
 int ordernm_radau_along(ordernm_motion *m, scalar h, const group *g, int closed, int *formed);

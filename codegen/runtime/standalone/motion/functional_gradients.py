@@ -176,7 +176,7 @@ class FunctionalGradients(Simulation):
     ) -> Judged:
         """Values, gradients and Hessian products along combinations (r, k) of the directions."""
         check_joints(self.name, self._motion(self._opened)[2])
-        check_supported(self, along.method, wanted)
+        check_supported(self, wanted)
         problem = replace(along, dq=along.dq[:0], du=along.du[:0], dp=along.dp[:0], dinputs=None, kept=[])
         run = self._run(problem, keep_steps=True, memory=memory)
         nothing = Directions((), directions.dq, directions.du, directions.dp, None, True)

@@ -21,6 +21,9 @@ from .weights_along import Crossed, by_control_points, of_event, of_squares
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
 
+AT_ROOT = 5
+"""Entry of a step that is not zero if the step starts or ends at the zero of a root, where rates have no derivative."""
+
 FUNCTIONS = "motion, hessian_products"
 """Functions that a package needs, as messages name them."""
 
@@ -53,8 +56,8 @@ def directions_of(hessian: Any, names: Sequence[str]) -> Array | None:
     return np.atleast_2d(found)
 
 
-def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> None:
-    """Refuses models, methods and functionals without Hessian products.
+def check_supported(package: Any, wanted: Sequence[Functional]) -> None:
+    """Refuses models and functionals without Hessian products.
 
     Raises
     ------
@@ -62,13 +65,11 @@ def check_supported(package: Any, method: str, wanted: Sequence[Functional]) -> 
     PackageError
         The package lacks a function.
     """
-    what = ""
-    if method == "radau":
-        what = "integrator is 'radau'; allowed are 'dop853' and 'rk4'"
-    elif refused := [type(f).__name__ for f in wanted if isinstance(f, WeightedResults)]:
-        what = f"a functional is {refused[0]}; allowed are Final, At, Integral, AtEvent and LeastSquares"
-    if what:
-        raise ValueError(f"hessian: {what}. Gradients are available without hessian")
+    if refused := [type(f).__name__ for f in wanted if isinstance(f, WeightedResults)]:
+        raise ValueError(
+            f"hessian: a functional is {refused[0]}; allowed are Final, At, Integral, AtEvent and LeastSquares. Gradients are "
+            "available without hessian"
+        )
     rates = ["coordinate_rate_hessian_products"] if package.coordinate_names != package.speed_names else []
     for name in ("hessian_products", "sensitivities_transposed", "output_sensitivities_transposed", *rates):
         if name not in package._functions:
@@ -149,10 +150,11 @@ class _Tangents:
         ]
         steps = np.concatenate(self.parts)
         head = int(self.library.ordernm_head_size(self.plain))
-        if steps[:, head - self.nswitches : head].any():  # flags of the switches crossed at the start of a step
+        # flags of the switches crossed at the start of a step; steps at the zero of a root
+        if steps[:, head - self.nswitches : head].any() or steps[:, AT_ROOT].any():
             raise ValueError(
-                "hessian: a force or an output changes its branch during the motion (abs, min, a comparison, ...), but hessian "
-                "needs a motion without such changes. Gradients are available without hessian"
+                "hessian: a force or an output changes its branch during the motion (abs, min, a root, a comparison, ...), but "
+                "hessian needs a motion without such changes. Gradients are available without hessian"
             )
         steps = steps[steps[:, 1] > 0.0]
         self.within = _middles(steps)[np.maximum(np.searchsorted(steps[:, 0], times) - 1, 0)]
