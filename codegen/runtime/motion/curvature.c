@@ -87,6 +87,18 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
     return 0;
 }
 
+void ordernm_hessians_keep(const ordernm_curvature *c, scalar *before)
+{
+    before[0] = c->next;
+    ordernm_unpack(c, c->motion->z, before + 1);
+}
+
+void ordernm_hessians_take(ordernm_curvature *c, const scalar *before)
+{
+    c->next = (long)before[0];
+    ordernm_pack(c, before + 1, c->motion->z);
+}
+
 int ordernm_hessians_state(ordernm_curvature *c, scalar t, scalar *to) { return ordernm_close_and_keep(c, t, c->motion->z, to); }
 
 /* ---- Backwards. ---- */

@@ -321,13 +321,17 @@ typedef struct ordernm_curvature ordernm_curvature;
  * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
  * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
  * gives the record of the state at the end. Then, for each functional, call ordernm_hessians_turn, ordernm_hessians_backwards for each part
- * from the last to the first, and ordernm_hessians_end. Sources of integrands are [count][all], or 0. */
+ * from the last to the first, and ordernm_hessians_end. Sources of integrands are [count][all], or 0. To repeat a part whose records were
+ * not kept, call ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take and ordernm_tangents again: `before`
+ * has the number of output times passed, the state and its tangents, [1 + (1 + k) n]. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);
 long ordernm_hessians_record(const ordernm_curvature *curvature);
 int ordernm_tangents(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, ordernm_scalar until, ordernm_scalar *stages,
     ordernm_scalar *nodes);
+void ordernm_hessians_keep(const ordernm_curvature *curvature, ordernm_scalar *before);
+void ordernm_hessians_take(ordernm_curvature *curvature, const ordernm_scalar *before);
 int ordernm_hessians_state(ordernm_curvature *curvature, ordernm_scalar t, ordernm_scalar *record);
 void ordernm_hessians_turn(ordernm_curvature *curvature);
 int ordernm_hessians_backwards(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, const ordernm_scalar *stages,

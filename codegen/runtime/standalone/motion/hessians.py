@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -113,6 +113,30 @@ class Curvature:
     products: int
 
 
+@dataclass(slots=True)
+class _Piece:
+    """Steps of a part that are repeated together.
+
+    Attributes
+    ----------
+    part : int
+    rows : slice
+        The steps within the part.
+    until : float
+        Time at their end, s.
+    before : array (1 + (1 + r) free,)
+        The state before them, see ``ordernm_hessians_keep``.
+    kept : tuple of array, or None
+        Steps, records and nodes, if memory allows.
+    """
+
+    part: int
+    rows: slice
+    until: float = math.inf
+    before: Array = field(default_factory=lambda: np.zeros(0))
+    kept: tuple[Array, Array, Array] | None = None
+
+
 class _Tangents:
     """The steps of a segment with tangents of their stages, ready for functionals."""
 
@@ -139,44 +163,67 @@ class _Tangents:
         g.ntimes, (g.times, g.states) = len(times), self.kept
         self.plain, self.nswitches = plain, int(system.nswitches)
         self.segment = segment
+        self.part, self.steps = -1, np.zeros(0)  # the part whose steps are available
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
 
-    def forwards(self) -> None:
-        """Repeats the steps with tangents."""
+    def forwards(self, memory: int) -> None:
+        """Repeats the steps with tangents; keeps those of all stages if they fit into `memory` bytes."""
         segment, times = self.segment, self.times
-        self.parts = [
-            rows if heads is None else made_again(self.library, self.ffi, self.plain, rows, known, heads)
-            for rows, known, heads in zip(segment.steps, segment.known, segment.heads, strict=True)
-        ]
-        steps = np.concatenate(self.parts)
         head = int(self.library.ordernm_head_size(self.plain))
+        given = zip(segment.steps, segment.heads, strict=True)
+        heads = [rows[:, :head] if less is None else less for rows, less in given]
+        steps = np.concatenate(heads)
         # flags of the switches crossed at the start of a step; steps at the zero of a root
         if steps[:, head - self.nswitches : head].any() or steps[:, AT_ROOT].any():
             raise ValueError(
                 "hessian: a force or an output changes its branch during the motion (abs, min, a root, a comparison, ...), but "
                 "hessian needs a motion without such changes. Gradients are available without hessian"
             )
+        source = (1 + self.r) * (len(self.free) + self.functions.np + self.along.inputs.at(0.0).size)
+        every = 8 * self.stages * (self.record + (source if self.along.integrals else 0))
+        most = len(steps) if len(steps) * every <= memory else max(1, memory // (2 * every))
+        self.pieces = [
+            _Piece(part, slice(first, first + most))
+            for part, of in enumerate(heads)
+            for first in range(0, len(of), most)
+        ]
+        starts = [heads[piece.part][piece.rows][0, 0] for piece in self.pieces]
+        for piece, until in zip(self.pieces, [*starts[1:], math.inf], strict=True):
+            piece.until = float(until)
+            piece.before = np.zeros(1 + (1 + self.r) * len(self.free))
+            self.library.ordernm_hessians_keep(self.curvature, self._pointer(piece.before))
+            repeated = self._repeat(piece)
+            piece.kept = repeated if most == len(steps) else None
         steps = steps[steps[:, 1] > 0.0]
         self.within = _middles(steps)[np.maximum(np.searchsorted(steps[:, 0], times) - 1, 0)]
-        ends = [float(rows[0, 0]) for rows in self.parts[1:]] + [math.inf]
-        self.tapes, self.nodes = [], []
-        for rows, until in zip(self.parts, ends, strict=True):
-            # empty, not zeros: most steps leave the memory of the interpolant's stages untouched
-            tape, nodes = np.empty((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
-            tape[rows[:, 1] <= 0.0] = 0.0
-            status = self.library.ordernm_tangents(
-                self.curvature, self._pointer(rows), len(rows), until, self._pointer(tape), self._pointer(nodes)
-            )
-            if status:
-                raise RuntimeError(f"tangents of a motion cannot use one of its states ({status})")
-            self.tapes.append(tape)
-            self.nodes.append(nodes)
         self.states = (
             self.functions.states(self.records, times, self.within, not self.functions.compiled)
             if len(times)
             else np.zeros(0)
         )
         self.end, self.middle = float(steps[-1, :2].sum()), float(_middles(steps[-1:])[0])
+
+    def _rows(self, part: int) -> Array:
+        """The steps of a part, computed again if only their heads were kept."""
+        if part != self.part:
+            of = self.segment
+            rows, known, heads = of.steps[part], of.known[part], of.heads[part]
+            self.steps = rows if heads is None else made_again(self.library, self.ffi, self.plain, rows, known, heads)
+            self.part = part
+        return self.steps
+
+    def _repeat(self, piece: _Piece) -> tuple[Array, Array, Array]:
+        """Steps, the records of their stages, and times and weights of integrands at the stages."""
+        rows = self._rows(piece.part)[piece.rows]
+        # empty, not zeros: most steps leave the memory of the interpolant's stages untouched
+        tape, nodes = np.empty((len(rows), self.stages, self.record)), np.zeros((len(rows), self.stages, 2))
+        tape[rows[:, 1] <= 0.0] = 0.0
+        status = self.library.ordernm_tangents(
+            self.curvature, self._pointer(rows), len(rows), piece.until, self._pointer(tape), self._pointer(nodes)
+        )
+        if status:
+            raise RuntimeError(f"tangents of a motion cannot use one of its states ({status})")
+        return rows, tape, nodes
 
     def at_end(self, t: float) -> Array:
         """All coordinates and speeds (1 + r, nq + nu) at the end of the segment; dependent speeds are zero."""
@@ -192,13 +239,15 @@ class _Tangents:
     def _pointer(self, x: Array) -> Any:
         return self.ffi.from_buffer("double[]", np.ascontiguousarray(x, float)) if x.size else self.ffi.NULL
 
-    def back(self, sources: Array, integrands: Sequence[Array | None], finish: Array) -> tuple[Array, Array, Array]:
+    def back(self, sources: Array, weights: Array, finish: Array) -> tuple[Array, Array, Array]:
         """Gradients of a functional by independent entries at the start, parameters and inputs, and their changes.
 
         Parameters
         ----------
-        sources, integrands : array
-            Results of `AtStates.transposed` for outputs at times, and for integrals.
+        sources : array
+            Result of `AtStates.outputs` for outputs at times.
+        weights : array (noutputs,)
+            Weights of integrals of outputs.
         finish : array (1 + r, free)
             Gradients by the independent entries at the end, and their changes.
         """
@@ -208,34 +257,35 @@ class _Tangents:
             np.zeros((rows, len(self.along.p))),
             np.zeros((rows, *self.along.inputs.values.shape)),
         ]
-        kept = [self._pointer(x) for x in (sources, finish, *found)]
-        g.sources, g.finish, g.start, g.p, g.inputs = kept
+        held = [self._pointer(x) for x in (sources, finish, *found)]
+        g.sources, g.finish, g.start, g.p, g.inputs = held
         self.library.ordernm_hessians_turn(self.curvature)
-        for steps, tape, of in reversed(list(zip(self.parts, self.tapes, integrands, strict=True))):
-            held = [self._pointer(steps), self._pointer(tape), self.ffi.NULL if of is None else self._pointer(of)]
-            status = self.library.ordernm_hessians_backwards(self.curvature, held[0], len(steps), *held[1:])
+        for piece in reversed(self.pieces):
+            if piece.kept is None:
+                self.library.ordernm_hessians_take(self.curvature, self._pointer(piece.before))
+            steps, tape, nodes = piece.kept or self._repeat(piece)
+            integrands = self._integrands(steps, tape, nodes, weights) if weights.any() else np.zeros(0)
+            given = [self._pointer(x) for x in (steps, tape, integrands)]
+            status = self.library.ordernm_hessians_backwards(self.curvature, given[0], len(steps), *given[1:])
             if status:
                 raise RuntimeError(f"Hessian products cannot use a state of the motion ({status})")
         self.library.ordernm_hessians_end(self.curvature)
         return found[0], found[1], found[2]
 
-    def integrands(self, weights: Array) -> list[Array]:
-        """Gradients of weighted outputs at the stages of steps, and their changes: (count, stages, 1 + r, n) for each part."""
-        parts = []
-        for rows, tape, nodes in zip(self.parts, self.tapes, self.nodes, strict=True):
-            count, stages, record = tape.shape
-            used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
-            t = nodes[:, used, 0]
-            within = np.broadcast_to(_middles(rows)[:, None], t.shape).ravel()
-            records = tape[:, used].reshape(-1, record)
-            states = self.functions.states(records, t.ravel(), within, not self.functions.compiled)
-            of = np.broadcast_to(weights, (len(states), len(weights)))
-            changes = np.zeros((*of.shape, self.r))
-            found = self.functions.outputs(states, t.ravel(), within, of, changes)[..., :-1]
-            whole = np.zeros((count, stages, *found.shape[1:]))
-            whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
-            parts.append(whole)
-        return parts
+    def _integrands(self, steps: Array, tape: Array, nodes: Array, weights: Array) -> Array:
+        """Gradients of weighted outputs at the stages of steps, and their changes: (count, stages, 1 + r, n)."""
+        count, stages, record = tape.shape
+        used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
+        t = nodes[:, used, 0]
+        within = np.broadcast_to(_middles(steps)[:, None], t.shape).ravel()
+        records = tape[:, used].reshape(-1, record)
+        states = self.functions.states(records, t.ravel(), within, not self.functions.compiled)
+        of = np.broadcast_to(weights, (len(states), len(weights)))
+        changes = np.zeros((*of.shape, self.r))
+        found = self.functions.outputs(states, t.ravel(), within, of, changes)[..., :-1]
+        whole = np.zeros((count, stages, *found.shape[1:]))
+        whole[:, used] = found.reshape(count, len(used), *found.shape[1:])
+        return whole
 
 
 @dataclass(slots=True)
@@ -290,17 +340,6 @@ def curvature_of(motion: Motion, along: Problem, wanted: Wanted, memory: int) ->
     return Curvature(state, p, inputs, count)
 
 
-def _check_memory(segments: Sequence[Segment], of: _Tangents, memory: int) -> None:
-    """Refuses motions whose stages, with their tangents, need more than the allowed memory."""
-    steps = sum(len(x if h is None else h) for s in segments for x, h in zip(s.steps, s.heads, strict=True))
-    needed = 8 * steps * of.stages * of.record
-    if needed > memory:
-        raise ValueError(
-            f"hessian: {steps} steps with tangents need {needed / 2**20:.0f} MB, and memory allows "
-            f"{memory / 2**20:.0f} MB; make memory larger, the motion shorter, or the tolerances larger"
-        )
-
-
 def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list[_Tangents]:
     """Segments with tangents; each begins with the tangents at the end of the previous segment."""
     found: list[_Tangents] = []
@@ -312,9 +351,7 @@ def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list
         here = np.ascontiguousarray(times[(times > start) & (times <= end)])
         problem = replace(segment.problem, dq=dq, du=du, dp=along.dp, dinputs=along.dinputs, kept=[])
         of = _Tangents(opened, functions, segment, problem, here)
-        if not found:
-            _check_memory(motion.segments, of, memory)
-        of.forwards()
+        of.forwards(memory // len(motion.segments))
         found.append(of)
         if segment is motion.segments[-1]:
             break
@@ -351,8 +388,7 @@ def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[
             sources = of.functions.outputs(of.states, of.times, of.within, by_output[here], changes)[..., :-1].copy()
         if moved:
             sources[row, 1:] += moved.source
-        integrands = of.integrands(weights) if weights.any() else [None] * len(of.parts)
-        start, p, inputs = of.back(sources, integrands, finish)
+        start, p, inputs = of.back(sources, weights, finish)
         if moved:
             inputs[1:] += moved.inputs
         if total is not None and later is not None:
