@@ -383,7 +383,7 @@ def test_what_arguments_do_in_their_last_places(solver_of: Callable[..., codegen
     found = solver.diagnose([1e6, -3e6], [0.1, 0.2])
     assert 1e-11 < found.argument_error.max() / np.abs(found.udot).max() < 1e-7
     assert found.udot_error.max() / np.abs(found.udot).max() < 1e-14
-    assert "from rounded arguments, about" in repr(found)
+    assert "with rounded arguments, about" in repr(found)
     exact = RecursiveEngine(chain(2, [1.0, 0.5], planar=True)).accelerations([1e6, -3e6], [0.1, 0.2])
     assert np.allclose(found.udot, exact, rtol=1e-13)
     assert np.all(solver.diagnose([0.0, 0.0], [0.0, 0.0]).argument_error < 1e-14)  # zero stays zero

@@ -92,6 +92,6 @@ def warn_of_moved_initial(package: Package) -> None:
         q = dict(zip(package.coordinate_names, manifest["initial"]["q"], strict=True))
         changes = [f"{name} from {value:.4g} to {q[name]:.4g}" for name, value in moved.items()]
         warn(
-            f"{package.name}: the loops cannot be closed with the initial values of the model; initial has other ones: "
-            f"{some(changes)}. Give other values under `initial` of the model, and generate it again"
+            f"{package.name}: the loops cannot be closed with the initial values of the model; solver.initial "
+            f"contains others: {some(changes)}. Give other values under `initial` of the model, and generate it again"
         )

@@ -162,12 +162,13 @@ def _first_infinite(package: Mapping[str, Any], call: Call, moved: bool, element
         written = [
             line.strip() for line in package.get("description", ()) if line.strip().startswith(f"motion {name} =")
         ]
-        return f"the prescribed {('position', 'speed', 'acceleration')[i % 3]} of {name} is not ({'; '.join(written) or name})"
+        quantity, said = ("position", "speed", "acceleration")[i % 3], "; ".join(written) or name
+        return f"the prescribed {quantity} of {name} is not finite ({said})"
     for i in _bad(getattr(a, "tau", ())) if moved else ():
-        return f"the force on joint {speeds[i].partition('.')[0]} is not ({_force_on(package, speeds[i])})"
+        return f"the force on joint {speeds[i].partition('.')[0]} is not finite ({_force_on(package, speeds[i])})"
     for array in ("coefficient", "drive"):
         for i in _bad(getattr(a, array, ())):
-            return f"the coefficients of {_element(package, array, i)} are not"
+            return f"the coefficients of {_element(package, array, i)} are not finite"
     if not elements:
         return ""
     external = [[x for n, x in r.items() if n.startswith("external_")] for r in a.records[: len(links)]]
@@ -190,17 +191,16 @@ def _first_infinite_along(package: Mapping[str, Any], a: Any) -> str:
 
     for i in _bad(getattr(a, "dtau", ())):
         joint = speeds[i].partition(".")[0]
-        return f"the derivative of the force on joint {joint} by {by([a.dtau[i]])} is not ({_force_on(package, speeds[i])})"
+        force = _force_on(package, speeds[i])
+        return f"the derivative of the force on joint {joint} by {by([a.dtau[i]])} is not finite ({force})"
     for array in ("coefficient", "drive"):
         tangents = getattr(a, f"d{array}", ())
         for i in _bad(tangents):
-            return (
-                f"the derivatives of the coefficients of {_element(package, array, i)} by {by([tangents[i]])} are not"
-            )
+            return f"the derivatives of the coefficients of {_element(package, array, i)} by {by([tangents[i]])} are not finite"
     for i in range(len(package["links"])):
         external = [x for m in (a.slots[i], a.lanes[i]) for n, x in m.items() if n.startswith("external_")]
         if _bad(external):
-            return f"the derivative of the force of {_elements_on(package, i)} by {by(external)} is not"
+            return f"the derivative of the force of {_elements_on(package, i)} by {by(external)} is not finite"
     return ""
 
 

@@ -306,7 +306,7 @@ class FunctionalGradients(Simulation):
             asked = np.flatnonzero(weights.outputs[:, place].any(axis=0))
             state = self._state_of(row, problem)
             if len(asked) and (reason := outputs_without(run.opened, state, asked.tolist(), along=True, certain=True)):
-                reason = f": at t = {state['t']:g} s {reason} is not"
+                reason = f": at t = {state['t']:g} s {reason} is not finite"
                 break
         warn(f"{self.name}: the gradients of judge by {by} are not finite{reason}")
 

@@ -777,7 +777,7 @@ class Trajectory:
             if self.views is None:
                 raise ValueError(
                     f"the trajectory of {self.model} has no solver with frames; generate the package with frames "
-                    f"(ordernm generate MODEL --frames), or pass such a solver for a trajectory of a file: solver="
+                    f"(ordernm generate MODEL --frames), or pass such a solver as solver=... for a loaded trajectory"
                 )
             return self.views
         if "display" not in solver._manifest:

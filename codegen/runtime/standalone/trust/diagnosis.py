@@ -228,8 +228,8 @@ class Diagnosis:
         if by_arguments.min() < digits.min() - 1.0:
             i = int(np.argmin(by_arguments))
             yield (
-                f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: from "
-                f"rounded arguments, about {_whole(by_arguments[i])} digits follow"
+                f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: with "
+                f"rounded arguments, about {_whole(by_arguments[i])} digits are right"
             )
 
     def _of_inertia(self, m: MassCondition) -> str:
