@@ -122,7 +122,7 @@ class _Reader(RobotReader):
                         static.add(full)
         for scope, item in choice.joints(read):
             path = choice.paths[scope]
-            cut = "" if path.startswith(prefix) else prefix  # a joint outside the base model names links from the world
+            cut = "" if path.startswith(prefix) else prefix  # for joints outside the base model, see `SdfJoint.cut`
             self.joint(scope, item, path if cut else path.removeprefix(prefix), cut, joints)
         if not self.robot.links and not self.problems:
             self.wrong(base.element, 'no <link>; a model has at least one, such as <link name="arm"/>')

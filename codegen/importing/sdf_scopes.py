@@ -97,7 +97,7 @@ class Item:
     name : str
     element : Element
     home : Scope
-        Scope to whose axes its pose refers by default: the scope of its name, or a model merged into that.
+        Scope to whose axes its pose refers by default: the scope of its name, or a model merged into this scope.
     """
 
     name: str

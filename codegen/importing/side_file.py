@@ -94,7 +94,7 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
 
 def _rename_coordinates(document: Document, new: Mapping[str, str]) -> list[Problem]:
     """Gives coordinates of couplings, of ``initial`` and of ``independent`` their names in the model; returns an error for
-    each that has two entries."""
+    each coordinate that has two entries."""
     root, problems = document.root, []
 
     def renamed(section: str, entries: dict[str, Any]) -> dict[str, Any]:

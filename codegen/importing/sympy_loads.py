@@ -25,7 +25,7 @@ def read_loads(found: SympySystem, loads: Iterable[Any], actuators: Iterable[Any
 
 
 def _as_load(load: Any) -> Any:
-    """A force or torque object, also from the pairs of older sympy versions: a point or frame, and a vector."""
+    """A load as a force or torque object; in older sympy versions it is a pair of a point or frame, and a vector."""
     from sympy.physics.mechanics import Force, ReferenceFrame, Torque
 
     if hasattr(load, "location"):
@@ -55,8 +55,8 @@ def _add(found: SympySystem, name: str, **keys: Any) -> None:
 
 
 def _gravity(found: SympySystem, loads: list[Any]) -> list[Any] | None:
-    """Removes forces with one acceleration at all mass centres from the loads, and returns this acceleration; None
-    without it."""
+    """The acceleration that forces at all mass centres have in common; these forces are removed from the loads. None if
+    there is no such acceleration."""
     import sympy
 
     ground = next(f for f in found.frames.values() if f.name == GROUND)

@@ -46,7 +46,7 @@ class Values:
         self.problems.append(element.problem(message))
 
     def numbers(self, element: Element, what: str, text: str, count: int) -> tuple[float, ...] | None:
-        """The numbers in a text, which must be `count`; None after an error."""
+        """The numbers in a text, of which there must be `count`; None after an error."""
         parts = text.split()
         named = f"{what} of <{element.tag}>"
         hint = "; expand the file with xacro first: xacro FILE > robot.urdf" if "${" in text or "$(" in text else ""

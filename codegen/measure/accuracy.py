@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 
 SMALLEST = 1e-30
-"""Size below which a reference counts as zero, up to rounding; errors are then absolute."""
+"""A reference without entries above this size counts as zero; errors are then absolute."""
 
 DIGITS = 50
 """Decimal digits for differences from references in extended precision."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Timed = Callable[[], float]
-"""A contestant does some work and returns its duration, s; a clock returns the present time, s."""
+"""Type of contestants, which do some work and return its duration, and of clocks, which return the time, s."""
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ TRIED = 15
 """Runs of the fixed work on each core for the choice of a core."""
 
 PAGE = 512
-"""Doubles in a page of memory, within which addresses differ in the bits that a core compares first."""
+"""Number of doubles in a page of memory. Within a page, addresses differ in the bits that a core compares first."""
 
 IN_CACHE, IN_MEMORY = 1536, 8_000_000
 """Lengths of the two arrays whose sums are measured: in the first cache, and far beyond the last cache."""
@@ -220,7 +220,7 @@ class Core:
         return float(self._c.work(ctypes.c_long(WORK)))
 
     def turn(self, run: Timed) -> Turn:
-        """One turn of a function that returns its time; the longer it takes, the longer the core is observed afterwards."""
+        """One turn of a function that returns its time; the longer the turn, the more fixed work is timed afterwards."""
         core, cache = [self.seconds()], [self._sums(self._arrays, 1)()]
         seconds = run()
         for _ in range(min(max(round(seconds / WATCHED), 1), MOST_WATCHED)):

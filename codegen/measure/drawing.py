@@ -30,7 +30,7 @@ STYLES: tuple[dict[str, Any], ...] = (
 
 @contextmanager
 def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
-    """A figure and its axes; when it is complete, its SVG text is appended to the list."""
+    """A figure, its axes and a list; at the end of the context, the SVG text of the figure is appended to the list."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure

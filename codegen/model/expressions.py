@@ -108,7 +108,7 @@ class Expression:
 
     @staticmethod
     def number(value: Number) -> Expression:
-        """Return the expression that is a finite number."""
+        """Return a finite number as an expression."""
         return Expression(("number", canonical(value)))
 
     @property

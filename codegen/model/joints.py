@@ -102,7 +102,7 @@ class JointType(Entry):
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         super().__pydantic_init_subclass__(**kwargs)
         if JointType not in cls.__bases__:
-            return  # in a role, see `schema`: a frame belongs to the body
+            return  # from `schema._in_role`: keeps the attributes of the type of joint
         if any(isinstance(m, Displacement) for m in cls.motion[1:]):
             raise TypeError(f"joint {cls.name}: a displacement is the first of its motions")
         cls.coordinates, cls.speeds = names(cls.motion)

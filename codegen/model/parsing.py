@@ -136,7 +136,7 @@ class _Parser:
         return tree, depth
 
     def expression(self, least: int, nesting: int) -> tuple[Tree, int]:
-        """The expression here whose operators bind at least as strongly as `least`, and the depth of its tree."""
+        """The expression here, with operators that bind at least as strongly as `least`, and the depth of its tree."""
         if nesting > MAX_NESTING:
             self.fail(f"more than {MAX_NESTING} levels of parentheses or signs; split the expression")
         if self.token in ("+", "-"):

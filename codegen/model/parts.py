@@ -125,7 +125,7 @@ class Part:
         self.binder = Binder(self.constants)
 
     def including(self, document: Document) -> Part:
-        """The use of a file that this one includes."""
+        """The part for a file that the file of this part includes."""
         part = Part(
             document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
         )

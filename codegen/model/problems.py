@@ -59,7 +59,7 @@ class Problems:
         self.errors += severity == "error"
         path = (at.key, *sub)
         existing = existing_path(at.container, path)
-        if at.section == ("submodels",):  # a submodel's joint has its keys in the entry, see `files._frame`
+        if at.section == ("submodels",):  # keys of its joint are directly in the entry, see `files._frame`
             existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
         shown = show_path((*at.section, *existing))
         document = at.part.document

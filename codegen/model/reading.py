@@ -196,7 +196,7 @@ class Reader(Problems):
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
             ]
-        if scope != "measured":  # one name that is not allowed is reported for all of them
+        if scope != "measured":  # of several positions and velocities, only the first is reported
             several = [n for n in unknown if is_measured(n)]
             unknown = [n for n in unknown if n not in several[1:]]
         for name in [] if _is_said(written) else unknown:

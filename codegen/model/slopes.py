@@ -5,7 +5,7 @@ derivative of ``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. Two kinds of f
 than any power: a logarithm, and a component of a vector divided by the vector's length. A product with such factors is
 zero if its other factors are zero (`VANISHING`). So ``x*log(x)``, ``k*d**n`` differentiated by n, and ``c*sqrt(v.v)*v``
 are exact with their derivatives where x, d or v is zero. Branches that are not taken do not contribute (`CHOICE`).
-Otherwise the result is infinite or nan, as is the derivative itself.
+In all other cases, the result is infinite or nan where the derivative itself is.
 """
 
 from __future__ import annotations

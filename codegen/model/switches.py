@@ -91,7 +91,7 @@ def _inner_first(tree: Tree) -> Iterator[Tree]:
 
 
 def varies_in_motion(inputs: Collection[str]) -> Callable[[str], bool]:
-    """The test whether a name changes during a motion of a model with these inputs."""
+    """A function that tests whether a name changes during a motion of a model with these inputs."""
     known = frozenset((*inputs, "t"))
     return lambda name: name in known or name.startswith(("q.", "u.", "position.", "velocity."))
 
@@ -223,7 +223,7 @@ class Switches:
     def add_ends(
         self, ends: tuple[Point | Face, ...], axis: Vector | None, place: str, output: int | None = None
     ) -> None:
-        """Add the ends of a force element, or of a distance in an output, at which it may have no direction."""
+        """Add the ends of a force element, or of a distance in an output, whose direction may not be determined."""
         key = tuple((end.body, *(e.tree for e in end.at)) for end in ends)
         of_points = not any(isinstance(end, Face) for end in ends)
         switch = self._by_ends.get(key) if of_points else None

@@ -304,7 +304,7 @@ class _Trees:
 
 
 def _either(one: Condition, other: Condition) -> Condition:
-    """The condition that one of two holds, in the form that the parser gives ``or``."""
+    """The condition that at least one of two conditions holds, in the form that the parser gives ``or``."""
     return ("call", "max", one[0], other[0]), ("*", one[1], other[1])
 
 

@@ -26,7 +26,7 @@ MAX_POINTS: Final = 200
 """Maximum number of points; more would lead to expressions with thousands of operations."""
 
 LEVEL: Final = 1e-12
-"""Slope, relative to the steepest one of a table, below which its curve is level."""
+"""A slope below this fraction of the steepest slope of a table counts as zero."""
 
 KINDS: Final = ("linear", "cubic")
 OUTSIDE: Final = ("constant", "linear", "periodic")

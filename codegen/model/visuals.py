@@ -1,4 +1,4 @@
-"""Visuals, which views show of a body: solids and meshes, placed in its frame. They have no effect on the dynamics."""
+"""Visuals: solids and meshes that views show of a body, placed in its frame. They have no effect on the dynamics."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Arithmetic:
         return mpmath.mp.eps if self.extended else np.finfo(np.float64).eps
 
     def function(self, name: str) -> Callable[..., Any]:
-        """The elementary function of that name, on single numbers."""
+        """The elementary function with the given name, of single numbers."""
         if self.numbers == "decimal":
             return _DECIMAL.get(name) or _by_mpmath(name)
         if self.extended:

@@ -127,7 +127,7 @@ class RecursiveEngine(Engine):
             resisting = Pair(turn * own.value, turn * own.tangent)
             M = P.mT @ I_hat @ P + resisting  # Eq. 47, and the rotors; Eq. 51, its first P transposed
             M_inverse = self._inverse(k, M.value, P.value.mT @ art.I_locked @ P.value + resisting.value)
-            art.M_inverse = Pair(M_inverse, -M_inverse @ M.tangent @ M_inverse)  # Eq. 52 with its minus
+            art.M_inverse = Pair(M_inverse, -M_inverse @ M.tangent @ M_inverse)  # Eq. 52 with the missing minus
 
             # H = I_hat P M^-1, (6, f), is used in Eq. 46 and in the contribution of the joint force.
             H = I_hat @ P @ art.M_inverse
@@ -135,7 +135,7 @@ class RecursiveEngine(Engine):
 
             pr.I_locked = pr.I_locked + S.value @ I_hat.value @ S.value.mT
             pr.I_hat = pr.I_hat + T @ I_hat @ S.mT  # Eqs. 44 and 49
-            pr.F_hat = pr.F_hat + T @ art.F_hat - S @ H @ tau  # Eqs. 45 and 50 with its d/dp_j, and the joint force
+            pr.F_hat = pr.F_hat + T @ art.F_hat - S @ H @ tau  # Eqs. 45 and 50, and the joint force
         return articulated
 
     def _back_substitution(self, bodies: list[Terms], articulated: list[Articulated]) -> Pair:

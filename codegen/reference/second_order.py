@@ -19,8 +19,8 @@ from .arithmetic import Arithmetic, Array
 class Dual:
     """A number and its derivative along one direction.
 
-    Comparisons are those of values, because they choose branches. Only ``!=`` also compares derivatives: the engines ask with it
-    whether a number vanishes identically.
+    Comparisons are those of values, because they choose branches. Only ``!=`` also compares derivatives: the engines use it
+    to test whether a number vanishes identically.
     """
 
     __slots__ = ("along", "value")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _PLACES = {"Request": "measuring", "report": "measuring", "write_gallery": "gallery"}
 
-# processes that take times need neither sympy nor matplotlib
+# imported at first use: processes that only measure times need neither sympy nor matplotlib
 __getattr__ = deferred(__name__, _PLACES)
 
 __all__ = ["Request", "report", "write_gallery"]

@@ -27,7 +27,7 @@ COARSE, CURVED = 1e-3, 1e-5
 """A relative step, and the relative error of a one-sided difference above which udot counts as nonlinear."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-"""Coordinates that cannot be changed separately."""
+"""Suffixes of coordinates that cannot be changed separately."""
 
 STEPS = 10.0 ** np.arange(-16.0, 0.01, 0.5)
 """Steps h of the differences, relative to the size of the changed quantity."""
@@ -41,7 +41,7 @@ def differences(
     Parameters
     ----------
     references : mapping of str to (nu,) numbers
-        Derivatives at this state by the reference in extended precision, by parameter.
+        For each parameter: the derivative at this state, computed by the reference in extended precision.
 
     Returns
     -------

@@ -14,7 +14,7 @@ STYLES = dict(zip(METHODS, ALL_STYLES, strict=False))
 NAMES = {"rk4": "RK4, constant steps", "dop853": "Dormand-Prince 8(5,3)", "radau": "Radau IIA 5"}
 
 ROUNDING = float(np.finfo(float).eps) / 2
-"""Error at which smaller errors are drawn, since a logarithmic axis has no zero."""
+"""Smaller errors are drawn at this value, since a logarithmic axis has no zero."""
 
 
 def figures(data: dict[str, Any]) -> dict[str, str]:

@@ -58,7 +58,7 @@ EXACT = 1e-11
 """Error below which a motion at the loosest tolerance is exact except for rounding."""
 
 FACTORS = 20
-"""Smallest number of factorisations of an implicit method; if these cost too much, the method is left out."""
+"""A motion by an implicit method takes at least this many factorisations; if they cost too much, it is left out."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """Number of settings of all methods in a diagram."""
@@ -336,8 +336,8 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
 
 
 def _seconds_of_condition(columns: int) -> float:
-    """Estimated seconds for the singular values of a large matrix, from the time for a smaller one by the cube of the
-    size."""
+    """Estimated seconds for the singular values of a large matrix, from the time for a smaller one, which is
+    scaled with the cube of the size."""
     matrix = np.random.default_rng(0).normal(size=(LARGEST_MATRIX, LARGEST_MATRIX))
     run = elapsed(lambda: np.linalg.svd(matrix, compute_uv=False), clock=time.thread_time)
     return in_rounds({"": run}, 3)[""].least * (columns / LARGEST_MATRIX) ** 3

@@ -36,7 +36,7 @@ def sources(
     model: Model, manifest: Mapping[str, Any], files: Mapping[str, str], found: Sequence[Variable], *,
     version: str, method: str, rtol: float, initial: Mapping[str, Sequence[float]],
 ) -> dict[str, str]:  # fmt: skip
-    """The texts of all files of the folder ``sources``, apart from the token."""
+    """The texts of all files of the folder ``sources``, with `TOKEN` in place of the token."""
     name = model.name
     own = {
         file: files[file]
@@ -64,7 +64,7 @@ INITIAL = (
 """Declarations of the functions of initial values that are expressions of parameters."""
 
 TOKEN = "TOKEN"
-"""Place of the token, a digest of all files."""
+"""Placeholder for the token, which is a digest of all files."""
 
 
 def _contents(

@@ -11,7 +11,7 @@
 static const scalar AT_ANY_TIME = 0.0;
 enum { LONGEST_TEXT = 1024, MOST_STEPS_OF_A_STEP = 1000000 };
 
-/* Relative difference between the importer's communication point and the instance's time. */
+/* Largest relative difference between the importer's communication point and the instance's time. */
 static const scalar SAME_TIME = 1e-9;
 
 /* SAME_MOMENT: relative difference of times within which an event known in advance counts as reached. AT_ZERO: time, relative to the

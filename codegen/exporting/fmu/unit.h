@@ -15,13 +15,13 @@ typedef struct {
     const scalar *q, *u, *p;          /* initial state with closed loops at the default parameters, and these parameters */
     int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* initial values of the model file; 0 if they are constant */
     int (*initial_along)(const scalar *p, const scalar *dp, scalar *q, scalar *u, scalar *dq, scalar *du, scalar *work); /* derivatives */
-    int at_rest;                      /* the initial state is the equilibrium at the default parameters */
+    int at_rest;                      /* whether the initial state is the equilibrium at the default parameters */
     const char *const *variables;     /* names by value reference */
-    const char *const *singular;      /* names of links, loops, elements, outputs by status of a function; NULL at the end */
+    const char *const *singular;      /* names of singular links, loops, elements, outputs by the status that a function returns; NULL at the end */
     const char *const *switches;      /* descriptions of all switches */
     const int *indicators, *scheduled; /* held switches: [nindicators] with an event indicator, [nscheduled] with times known in advance */
     int nindicators, nscheduled;
-    int moved;                        /* loops depend on time, by prescribed motion */
+    int moved;                        /* whether prescribed motion makes the loops depend on time */
     int method;                       /* of the integrator */
     scalar rtol;                      /* of the integrator, unless the importer gives a tolerance */
 } unit_model;
@@ -52,7 +52,7 @@ struct unit {
     scalar *q, *u, *p, *inputs;       /* dependent entries of q and u are those of the last closed state */
     scalar *modes;                    /* [ns] held modes; 0 for actual branches */
     scalar *known;                    /* [1 + nfq + np + ni] time, independent coordinates, parameters, inputs of the last closed state */
-    int computed;                     /* the next four arrays belong to the current state */
+    int computed;                     /* whether the next four arrays belong to the current state */
     scalar *qdot, *udot, *outputs, *switches;
     scalar *way, *near;               /* arguments and coordinates between the last closed state and the current one */
     scalar *dq, *du, *dp, *di, *dt;   /* seeds or gradients */

@@ -25,7 +25,7 @@ static void clear(const unit *x, scalar *const *of)
     for (int n = 0; n < 5; ++n) memset(of[n], 0, sizes[n]*sizeof(scalar));
 }
 
-/* Which kinds of variables are unknowns, a bit for each; 0 after an error. */
+/* The kinds of the unknowns, a bit for each; 0 after an error. */
 static unsigned kinds_of(unit *x, const unsigned *unknowns, size_t n)
 {
     unsigned found = 0;

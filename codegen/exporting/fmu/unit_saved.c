@@ -7,7 +7,7 @@
 
 static size_t saved_bytes(const unit *x) { return (size_t)x->saved*sizeof(scalar); }
 
-/* A digest of the token and of a saved state, by which other bytes are refused (FNV-1a). */
+/* A digest (FNV-1a) of the token and of a saved state; bytes without it are refused. */
 static uint64_t digest_of(const unit *x, const unsigned char *bytes)
 {
     uint64_t found = 14695981039346656037u;

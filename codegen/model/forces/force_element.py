@@ -48,7 +48,7 @@ class ForceElement:
 
     @property
     def axis(self) -> Vector | None:
-        """A direction in the axes of its faces that the law needs; it becomes a base vector of the faces."""
+        """A direction that the law needs, in the axes of the element's faces; it becomes a base vector of the faces."""
         return None
 
     @property

@@ -81,7 +81,7 @@ def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
 
 
 def _number(e: Expression) -> float | None:
-    """The number of an expression that is one, with any sign; otherwise None."""
+    """The value of an expression that is a number, with or without a minus sign; otherwise None."""
     if e.is_number:
         return float(e.value)
     return -float(e.tree[1][1]) if e.tree[0] == "neg" and e.tree[1][0] == "number" else None

@@ -51,7 +51,7 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
 
 
 def is_at_rest(reader: Reader) -> bool:
-    """Whether the model begins in equilibrium; the key in a submodel's file applies to that file alone."""
+    """Whether the model begins in equilibrium; the key ``equilibrium`` in the file of a submodel has no effect here."""
     files = [part.document.root.get("initial") for part in reader.parts if not part.is_submodel]
     return any(isinstance(initial, dict) and initial.get("equilibrium") in _YES for initial in files)
 

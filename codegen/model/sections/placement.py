@@ -89,6 +89,6 @@ def rotation(
     if spec.rpy is not None:
         for k in range(3):
             check(bound[*sub, "rpy", k], (*sub, "rpy", k))
-        # fixed axes x, y, z by roll, pitch, yaw are the rotated axes z, y, x in turn
+        # roll, pitch, yaw about fixed axes x, y, z: yaw, pitch, roll about the rotated axes z, y, x
         turns = [(_AXES[k], bound[*sub, "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
     return tuple(t for t in turns if t[1] is not ZERO)

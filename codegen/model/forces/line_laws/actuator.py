@@ -1,4 +1,4 @@
-"""A force along a line that an expression gives."""
+"""A force along a line, given by an expression."""
 
 from ..line_law import Coefficient, LineLaw
 
