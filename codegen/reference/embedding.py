@@ -175,7 +175,7 @@ class _Inward:
             self.Q[a][b] = block if known is None else known + block
 
     def _inverse(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair, D: Pair) -> Pair:
-        """D^-1 and its derivative, Eq. 52 with the missing minus; an error names the bodies without inertia."""
+        """D^-1 and its derivative, Eq. 52 with the missing minus; an error names the speeds that move no inertia."""
         scale = 0 * D.value
         for j in group.members:
             N = H[j].value[:, z.y]
