@@ -25,7 +25,7 @@ INCONSISTENT = 1e-6
 """A warning reports the residual of a redundant condition if it exceeds this fraction of the speeds or seeds."""
 
 ALLOWED = 10.0
-"""The same for a dropped condition, as a multiple of the model's tolerance."""
+"""The same limit for a dropped condition, relative to the speeds or seeds, in multiples of the model's tolerance."""
 
 SMALLEST_QUATERNION = 1e-6
 """Smallest norm of a quaternion that defines a rotation accurately."""

@@ -190,7 +190,7 @@ def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
 
 
 def _on_point(pairs: Pairs, loop: PointCondition, s: Side, e: Side, length: float) -> list[Row]:
-    """Conditions that keep a point at a distance or on surfaces, divided by the size of the gradient and the length."""
+    """Conditions that keep a point at a distance or on surfaces, divided by the gradient's size and by `length`."""
     r, v = e.x - s.x, e.v - s.v
     if loop.length is not None:
         l = pairs.matrix([[pairs.expression(loop.length)]])

@@ -43,7 +43,7 @@ class Group:
 def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
     """All bodies in groups, in outward order: a group comes after the groups from which it starts."""
     together = DisjointSets(len(model.bodies))
-    loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
+    loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops that the ear closes
     for ear in partition.ears:
         members = new_bodies(model, ear)
         _join(together, members)

@@ -145,7 +145,7 @@ class Engine(Arguments):
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
     def _by_arguments(self, along: Callable[..., Array], names: tuple[str, ...]) -> list[Array]:
-        """The partial derivatives (n, size) by each argument; `names` are those of their seeds, dt the last."""
+        """The partial derivatives (n, size) for each argument, by the names of the seeds, of which dt is the last."""
         start = np.cumsum([0, *(self._seed_size(name) for name in names)])
         units = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
         seeds = dict(zip(names, units, strict=True))
@@ -210,7 +210,7 @@ class Engine(Arguments):
     def inverse_dynamics_hessian_products(
         self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
     ) -> tuple[Array, ...]:
-        """Return products of the Hessian of weighted forces of `inverse_dynamics`: by q, u, udot, p, inputs and t."""
+        """Return the Hessian of a weighted sum of `inverse_dynamics` times seeds, by q, u, udot, p, inputs and t."""
         self._trees_only("inverse_dynamics_hessian_products")
         names = ("dq", "du", "dudot", "dp", "dinputs", "dt")
 

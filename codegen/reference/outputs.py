@@ -99,7 +99,7 @@ def rotation(output: Output, seen: Seen) -> Pair:
     component = QUATERNION.index(entry)
 
     def product(i: int, j: int) -> Pair:
-        """Four times the product of two different components."""
+        """Four times the product of two different components of the quaternion."""
         i, j = sorted((i, j))
         return antisymmetric[j - 1] if i == 0 else R[i - 1, j - 1] + R[j - 1, i - 1]
 
