@@ -69,7 +69,7 @@ class Files:
     def missing(self, name: str, folder: Path | None = None) -> str | None:
         """The reason why no file with a name was found; None if there is one."""
         if not name:
-            return "without a file's name"
+            return "without a file name"
         if self.find(name, folder) is not None:
             return None
         scheme, _, rest = name.partition("://")

@@ -1,4 +1,4 @@
-"""Gepetto's ``robot.yaml`` beside a URDF: frames that are held together, and joints of other types.
+"""Gepetto's ``robot.yaml`` beside a URDF: frames that are held together, and new types of some joints.
 
 ``closed_loop`` lists pairs of frames. ``type`` is 3D (their origins coincide) or 6D (the frames coincide) for each
 pair. ``joint_name`` and ``joint_type`` turn revolute joints into spherical, universal and fixed ones, since URDF lacks
@@ -129,7 +129,7 @@ class _Reader:
             self.wrong(f"joint_type {shortened(type_)} is not one of {', '.join(JOINTS)}{hint}", "joint_type", k)
         else:
             if not joint.is_passive:
-                self.robot.leave_out("<dynamics> of a joint of another type", joint.place, Effect.DIFFERS)
+                self.robot.leave_out("<dynamics> of a joint whose type is changed", joint.place, Effect.DIFFERS)
             joint.type, joint.axes = JOINTS[type_]
             joint.laws, joint.armature = (), ()
 

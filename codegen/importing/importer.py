@@ -406,7 +406,7 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
         if options.free_mimic:
             kind = "gears" if coupling.is_gear else "<mimic>"
-            robot.leave_out(kind, coupling.place, Effect.DIFFERS, "the joints are independent, --free-mimic")
+            robot.leave_out(kind, coupling.place, Effect.DIFFERS, "--free-mimic leaves the joints independent")
         elif coupling.joint in robot.joints and robot.joints[coupling.joint].type == "fixed":
             robot.leave_out("<mimic> of a fixed joint", coupling.place, Effect.NONE)
         elif why := _why_no_coupling(robot, coupling):
@@ -430,7 +430,9 @@ def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
     for name in (coupling.joint, coupling.of):
         if robot.joints[name].type not in SINGLE:
             is_what = f"joint {shortened(name)} is {robot.joints[name].type}"
-            return f"but {is_what}, and {', '.join(SINGLE)} joints can follow each other; --free-mimic leaves it out"
+            return (
+                f"but {is_what}, and only {', '.join(SINGLE)} joints can follow each other; --free-mimic leaves it out"
+            )
     return ""
 
 

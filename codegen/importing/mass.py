@@ -53,7 +53,7 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
             found.append(joint.place.problem(f"{what}{FIXED}", "warning"))
             joint.type, joint.axes, joint.laws, joint.start, joint.armature = "fixed", (), (), (), ()
         else:
-            found.append(joint.place.problem(f"{what}; give it mass and inertia, or --repair fixes the joint"))
+            found.append(joint.place.problem(f"{what}; give the link mass and inertia, or --repair fixes the joint"))
     if not repair:
         return found
     gone = {joint.name for joint in order if joint.type == "fixed"}

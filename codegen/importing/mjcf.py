@@ -45,7 +45,7 @@ _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _TYPES: Final = {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}
 _CONNECT, _WELD, _JOINT = range(3)
 _SITE: Final = 6
-"""The number of sites among MuJoCo's object types (mjtObj)."""
+"""MuJoCo's number for the object type "site" (mjtObj)."""
 _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = 2, 3, 4, 5, 6, 7
 _GREY: Final = (0.5, 0.5, 0.5, 1.0)
 """The colour of a geom without a colour of its own."""
@@ -57,7 +57,7 @@ _DIRT: Final = 1e-15
 _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
     "nsite": ("site", "", "", Effect.NONE), "nsensor": ("sensor", "sensor", "", Effect.NONE),
     "ncam": ("camera", "", "", Effect.NONE), "nlight": ("light", "", "", Effect.NONE), "nskin": ("skin", "", "", Effect.NONE),
-    "nflex": ("flex", "", "bodies that bend; here their masses are loose", Effect.DIFFERS),
+    "nflex": ("flex", "", "flexible bodies; here nothing connects their masses", Effect.DIFFERS),
     "nplugin": ("plugin", "", "", Effect.UNKNOWN), "npair": ("contact", "contact", "", Effect.STOPS),
     "nexclude": ("contact", "contact", "", Effect.STOPS), "nnumeric": ("custom", "custom", "", Effect.NONE),
     "ntext": ("custom", "custom", "", Effect.NONE), "ntuple": ("custom", "custom", "", Effect.NONE),
@@ -376,7 +376,7 @@ class _Reader:
             unreadable = "is held at a value by an equality"
         elif np.any(data[2:5]):
             coefficients = " ".join(f"{v:g}" for v in data[:5])
-            unreadable = f"follows {shortened(of)} by a polynomial, polycoef {coefficients}; one of degree 1 is read"
+            unreadable = f"follows {shortened(of)} by a polynomial of degree above 1, polycoef {coefficients}"
         self.robot.leave_out("softness of <equality>", place, Effect.DIFFERS, _SOFT)
         own = self.joint_names[first]
         if second < 0:

@@ -140,9 +140,9 @@ class PassiveForces:
         self.lengths: dict[int, Length | None] = {}
         self.limited = {joints[j]: j for j in np.flatnonzero(model.jnt_actfrclimited)}
         self.driven: dict[str, list[JointTerm]] = {joint: [] for joint in self.limited}
-        """Actuator forces on joints that have a limit for the sum of these forces."""
+        """Forces of actuators on joints that limit the sum of these forces."""
         self.pulled: dict[int, list[Pull]] = {}
-        """Actuators of tendons that have a limit for the sum of their forces."""
+        """Forces of actuators on tendons that limit the sum of these forces."""
 
     def read(self) -> None:
         """Add all passive forces of the model to the robot."""
@@ -191,9 +191,9 @@ class PassiveForces:
         acts = len(model.actuator_trntype) > 0 and not self.off("ACTUATION")
         for j in np.flatnonzero(getattr(model, "jnt_actgravcomp", ())):
             if not acts or self.joints[j] in self.limited:
-                why = "within the range of its actuators" if acts else "no actuator acts, so MuJoCo leaves it out"
+                why = "only within the range of the actuators" if acts else "without effect, since no actuator acts"
                 place = self.place("joint", model.joint(j).name, int(j))
-                self.robot.leave_out("actuatorgravcomp of a joint", place, Effect.DIFFERS, f"it carries weight; {why}")
+                self.robot.leave_out("actuatorgravcomp of a joint", place, Effect.DIFFERS, f"in MuJoCo {why}")
 
     # ---- lengths -------------------------------------------------------------------------------------------------------
 
@@ -368,7 +368,7 @@ class PassiveForces:
             return
         if length is None:
             what = "force of an actuator without control"
-            robot.leave_out(what, place, Effect.DIFFERS, "neither on a hinge or slide nor on a tendon of these")
+            robot.leave_out(what, place, Effect.DIFFERS, "read on hinges, slides, and tendons that wrap around no geom")
             return
         text = terms_of([(by_length, length.value), (by_rate, length.rate)], constant)
         if model.actuator_forcelimited[a]:

@@ -138,7 +138,8 @@ class Parameters:
             holder = bodies.holders.get(link)
             if holder is not None:
                 where = "the ground" if holder[0] == WORLD else f"body {names[holder[0]]!r}"
-                return f"{shortened(link)} is fixed to {where}, so it is not a body; name that, or use --keep-fixed"
+                other = "" if holder[0] == WORLD else "name that body, or "
+                return f"{shortened(link)} is fixed to {where}, so it is not a body; {other}use --keep-fixed"
             listed = list(dict.fromkeys(names[n] for n in bodies.all))
             shown = ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")
             return f"{shortened(link)} is not a body; bodies are {shown}{nearest(link, known)}"

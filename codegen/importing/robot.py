@@ -331,7 +331,7 @@ class Effect(Enum):
 
     DIFFERS = "the dynamics differ"
     STOPS = "no effect within limits and without contact"
-    DRIVEN = "acts when driven only"
+    DRIVEN = "acts only when driven"
     UNKNOWN = "its effect is unknown"
     NONE = "no effect on the dynamics"
 

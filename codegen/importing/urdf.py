@@ -340,7 +340,7 @@ class _Reader(RobotReader):
         if joint is None or actuator is None:
             return
         if (motor := actuator.first("motorInertia")) is not None:
-            what = "inertia of a motor; <drake:rotor_inertia> is read"
+            what = "only <drake:rotor_inertia> is read"
             self.robot.leave_out("<motorInertia>", place_of(motor), Effect.DIFFERS, what)
         values = []
         for tag, default in (("drake:rotor_inertia", 0.0), ("drake:gear_ratio", 1.0)):

@@ -193,7 +193,7 @@ def test_joints_of_mjcf_that_follow_others_are_couplings(tmp_path) -> None:
             '<mimic joint="l" multiplier="0"/>',
             "with a multiplier of 0, so that it does not move; make it a fixed joint",
         ),
-        ('<mimic joint="f"/>', "joint 'f' is fixed, and revolute, prismatic, screw joints can follow each other"),
+        ('<mimic joint="f"/>', "joint 'f' is fixed, and only revolute, prismatic, screw joints can follow each other"),
     ],
 )
 def test_what_cannot_follow_is_told_with_its_line(tmp_path, mimic: str, message: str) -> None:

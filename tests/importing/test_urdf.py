@@ -191,8 +191,8 @@ def test_what_is_left_out_is_listed_with_its_lines(tmp_path):
         "<visual> of a mesh, package 'nowhere' not found (--package-path) (line 3): no effect on the dynamics",
         "<limit> (line 4): limits of position, speed and force; no effect within limits and without contact",
         "friction of <dynamics> (line 4): dry friction of joints; the dynamics differ",
-        "<safety_controller> (line 4): limits of controllers; acts when driven only",
-        "<transmission> (line 5): transmissions; acts when driven only",
+        "<safety_controller> (line 4): limits of controllers; acts only when driven",
+        "<transmission> (line 5): transmissions; acts only when driven",
         "<gazebo> (lines 6, 7): settings of a simulator; no effect on the dynamics",
         "<wings> (line 8): its effect is unknown", "attribute 'frame' of <axis> (line 4): its effect is unknown",
     }  # fmt: skip

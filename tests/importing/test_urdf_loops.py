@@ -125,7 +125,7 @@ def test_the_robot_yaml_beside_a_urdf_is_read(tmp_path):
     assert [b.joint.type for b in found.model.bodies] == ["revolute", "universal", "spherical"]
     assert "axes: [y, z]" in found.text and "joint: {type: point}" in found.text
     assert "# Loops and types of joints of robot.yaml." in found.text
-    assert found.differences == ("<dynamics> of a joint of another type (line 10): the dynamics differ",)
+    assert found.differences == ("<dynamics> of a joint whose type is changed (line 10): the dynamics differ",)
     assert any(line.startswith("name_mot (line robot.yaml:3)") for line in found.left_out)
     yaml.rename(tmp_path / "other.yaml")
     assert not imported(tmp_path, text).model.loops
