@@ -254,7 +254,7 @@ TOGETHER = {
     "generate swing.yaml --compile-all --no-compile": "not allowed with",
     "import robot.urdf -o - --force": "remove --force",
     "statements swing.yaml --force": "--force is for a file",
-    "export swing.yaml": "into what? give one of --c",
+    "export swing.yaml": "give one of --c (plain C)",
     "export swing.yaml --c --fmu": "give one of --c",
     "export swing.yaml --fmu --scalar float32": "--scalar is an option of --c",
     "export swing.yaml --c --fmi 2.0": "--fmi is an option of --fmu",

@@ -44,9 +44,7 @@ def run_export(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm export``: writes the files, and prints a report."""
     kinds = [kind for kind in OPTIONS if getattr(options, kind)]
     if len(kinds) != 1:
-        raise Failure(
-            "into what? give one of --c (plain C), --fmu (functional mock-up unit) and --casadi (library of CasADi)"
-        )
+        raise Failure("give one of --c (plain C), --fmu (functional mock-up unit) and --casadi (library of CasADi)")
     (kind,) = kinds
     for name in sorted({n for names in OPTIONS.values() for n in names}.difference(OPTIONS[kind])):
         if getattr(options, name) not in (None, False):

@@ -188,8 +188,8 @@ def _roofline(data: dict[str, Any]) -> Section:
         "operations",
         "GFlop/s",
         "operations per byte",
-        "of the vectors' peak",
-        "of one number at a time",
+        "of the peak with vectors",
+        "of the peak without vectors",
     ]
     text = [
         "Operations per second, compared with loops of multiply-adds and of sums that were measured in the same run."
