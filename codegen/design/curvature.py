@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.motion.functionals import AtEvent, Functional
+from ..runtime.standalone.motion.functionals import Functional
 from .variables import Variables
 
 KEPT = 8
@@ -42,7 +42,7 @@ class Curvatures:
     ):  # fmt: skip
         self._solver, self._variables, self._span, self._functionals = solver, variables, (start, end), functionals
         self._options = {name: value for name, value in options.items() if name != "method"}
-        self._known: OrderedDict[tuple[bytes, tuple[int, ...]], Array] = OrderedDict()
+        self._known: OrderedDict[tuple[bytes, int], Array] = OrderedDict()
         self.motions = 0
 
     def products(self, x: ArrayLike, v: ArrayLike, which: Sequence[int]) -> Array:
@@ -59,19 +59,15 @@ class Curvatures:
             raise ValueError(f"hessp: the direction is {v!r}, expected {n} finite numbers")
         if n > WHOLE:
             return self._computed(x, direction[None], which)[:, 0]
-        together = self._together(which)
-        key = x.tobytes(), together
+        # an optimiser with constraints needs the Hessians of all functionals at a point
+        every = range(len(self._functionals))
+        key = x.tobytes(), len(every)
         if key not in self._known:
-            self._known[key] = self._computed(x, np.eye(n), together)
+            self._known[key] = self._computed(x, np.eye(n), every)
             while len(self._known) > KEPT:
                 self._known.popitem(last=False)
-        found: Array = direction @ self._known[key][[together.index(i) for i in which]]
+        found: Array = direction @ self._known[key][list(which)]
         return found
-
-    def _together(self, which: Sequence[int]) -> tuple[int, ...]:
-        """Functionals whose Hessians are computed at once, because an optimiser with constraints needs them all at a point."""
-        every = range(len(self._functionals))
-        return tuple(i for i in every if i in which or not isinstance(self._functionals[i], AtEvent))
 
     def _computed(self, x: Array, directions: Array, which: Sequence[int]) -> Array:
         """Products (len(which), r, n) of Hessians with directions (r, n)."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ordernm
-from ordernm.runtime import Final, Integral, LeastSquares
+from ordernm.runtime import AtEvent, Event, Final, Integral, LeastSquares
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TIMES = np.linspace(0.0, 1.0, 5)
@@ -61,6 +61,22 @@ def test_trust_constr_takes_hessians_of_the_objective_and_of_constraints(solver:
     plain = ordernm.optimize(f, "SLSQP", constraints=there)
     assert found.fun == pytest.approx(plain.fun, rel=1e-5)
     np.testing.assert_allclose(there.fun(found.x), [0.5, 0.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "radau"])
+def test_the_time_of_an_event_beside_a_constraint(solver: Any, integrator: str) -> None:
+    """The objective is the time at which the pole passes an angle; constraints share its motion."""
+    passes = AtEvent("t", Event("angle", 0.3, stop=False))
+    f = ordernm.objective(
+        solver, 1.0, passes, {"inputs.push": None, "pole_length": None}, inputs=(TIMES, np.sin(5 * TIMES), "cubic"),
+        q=[0.1, 0.7], u=[0.3, -0.4], integrator=integrator, rtol=1e-11, atol=1e-11,
+    )  # fmt: skip
+    f.constraint(Final("place"), 0.0, 1.0)
+    v, h = np.random.default_rng(6).normal(size=len(f.x0)), 1e-3
+    sides = [f.gradient(f.x0 + n * h * v) - f.gradient(f.x0 - n * h * v) for n in (1, 2, 3)]
+    wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * h)
+    assert np.abs(wanted).max() > 1e-3
+    np.testing.assert_allclose(f.hessp(f.x0, v), wanted, rtol=0, atol=1e-6 * np.abs(wanted).max())
 
 
 def test_load_cases_add_products(solver: Any) -> None:

@@ -2334,9 +2334,9 @@ class Solver(Package):
             Bytes in which the adjoint keeps steps. Steps that do not fit are computed twice.
         hessian : bool or array_like (r, k), optional
             Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Products
-            are exact for the steps taken; step sizes, dq0 and du0 count as constants. They need an explicit integrator,
-            a package with ``hessian_products``, and a model without quaternions and branches. `method` is then the
-            adjoint.
+            are exact for the steps taken; step sizes, dq0 and du0 count as constants. They need a package with
+            ``hessian_products`` (with quaternions also ``coordinate_rate_hessian_products``), and a motion in which no
+            force or output changes its branch. `method` is then the adjoint.
 
         Returns
         -------
