@@ -88,25 +88,26 @@ def differences(solver: codegen.Solver, state: Any, weights: np.ndarray, gradien
 ACCELERATED = ("acceleration", "driving_force")
 
 
-def observed(rng: np.random.Generator, model: Model) -> Model:
-    """A model with outputs of every measure except accelerations."""
-    found = with_outputs(rng, model)
-    return replace(found, outputs=tuple(o for o in found.outputs if o.measure not in ACCELERATED))
+def without_accelerations(model: Model) -> Model:
+    """The model without outputs that read accelerations or forces of prescribed motion."""
+    return replace(model, outputs=tuple(o for o in model.outputs if o.measure not in ACCELERATED))
 
 
-def observed_tree(seed: int) -> tuple[Model, RandomState]:
-    """A random tree with every ingredient, and a state."""
+def every_output_of_a_tree(seed: int) -> tuple[Model, RandomState]:
+    """A random tree with every ingredient and outputs of every measure, and a state."""
     rng = np.random.default_rng([36, seed])
     model = random_tree(rng, int(rng.integers(2, 5)), EVERY)
     for more in (with_random_elements, with_prescribed, with_rotors):
         if rng.random() < 0.6:
             model = more(rng, model)
-    model = observed(rng, model)
+    model = with_outputs(rng, model)
     return model, random_state(rng, model)
 
 
-def observed_mechanism(seed: int, more: Any = lambda rng, drawn: drawn, **options: Any) -> tuple[Model, RandomState]:
-    """A random mechanism, and a state with quaternions of unit length."""
+def every_output_of_a_mechanism(
+    seed: int, more: Any = lambda rng, drawn: drawn, **options: Any
+) -> tuple[Model, RandomState]:
+    """A random mechanism with outputs of every measure, and a state with quaternions of unit length."""
     _, drawn = next(random_mechanisms(1, seed, **options))
     rng = np.random.default_rng([37, seed])
     model, q, u, p, inputs, t = more(rng, drawn)
@@ -114,4 +115,16 @@ def observed_mechanism(seed: int, more: Any = lambda rng, drawn: drawn, **option
     for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
         for place in body.joint.kind.quaternions:
             q[rows][place] /= np.linalg.norm(q[rows][place])
-    return observed(rng, model), RandomState(q, u, p, inputs, t)
+    return with_outputs(rng, model), RandomState(q, u, p, inputs, t)
+
+
+def observed_tree(seed: int) -> tuple[Model, RandomState]:
+    """A tree whose outputs read no accelerations."""
+    model, state = every_output_of_a_tree(seed)
+    return without_accelerations(model), state
+
+
+def observed_mechanism(seed: int, **options: Any) -> tuple[Model, RandomState]:
+    """A mechanism whose outputs read no accelerations."""
+    model, state = every_output_of_a_mechanism(seed, **options)
+    return without_accelerations(model), state

@@ -128,7 +128,10 @@ total = _motion(angular_velocity, "t", OWN, ", total", " with the total alpha")
 ear_own = replace(
     total, w=VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS)
 )
-moving = _motion(angular_velocity, "g", OWN, " relative to the ground, for outputs")
+moving = _motion(
+    VectorField("gw", "rad/s", OWN, "angular velocity, computed with accelerations for outputs"), "g", OWN,
+    " relative to the ground, for outputs",
+)  # fmt: skip
 explicit_acceleration = AccelerationField(
     "b",
     ACCELERATION,
@@ -391,7 +394,7 @@ FIELDS = _listed()
 CALLED = {
     "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
     "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
-    "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega",
+    "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega", "moving.w": "moving_omega",
     "explicit_acceleration": "explicit", "needed": "", "total_needed": "total", "articulated_force": "articulated",
     "closing_twist": "closing", "closing_shift": "closing", "ear_remainder.w": "ear_omega", "ear_remainder.al": "ear_alpha",
     "ear_remainder.a": "ear_acceleration", "ear_remainder.B": "ear_B", "ear_total.al": "ear_total_alpha",

@@ -35,6 +35,7 @@ from .second_order_stores import (
     GRADIENTS,
     READ_BY_FORMULAS,
     READ_BY_LOOPS,
+    READ_BY_SOLUTIONS,
     adjoint_of,
     adjoint_tangent_of,
     along_of_adjoint,
@@ -52,6 +53,7 @@ from .stores import (
     CL_DP,
     CL_PARAMETER,
     CONSTANTS,
+    DDRIVING,
     DFORCE,
     DKINETIC,
     DMULTIPLIER_BAR,
@@ -88,6 +90,9 @@ from .sweeps import (
     mass_name,
     parts_of,
 )
+
+ACCELERATIONS = "link_accelerations"
+"""The sweep that computes accelerations for outputs."""
 
 CHANGES = (ADJOINT_LANE, CHANGE_LANE)
 """Memory of changes with multipliers."""
@@ -159,11 +164,15 @@ class SecondOrder:
         self.forward, inverse = mass_name("missing_forces") in self.parts, not loops and "tree_motion" in originals
         """Whether products of the forward dynamics of a tree, and of its inverse dynamics, are among the functions."""
         self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
+        driven = not {"driving", "driving_in_loops"}.isdisjoint(originals)
+        self.solving = self.sweeps if driven else [s for s in self.sweeps if s.name == ACCELERATIONS]
+        """Sweeps whose adjoints store the right sides of the virtual motion, for outputs."""
+        alone = alone and not self.solving
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
         are then known."""
         self.one_of_loops = alone and loops and mass_name("tree_forces") in self.parts
-        self.unread = (DKINETIC, DPOTENTIAL, DQDOT, *(() if loops else (DFORCE,)))
+        self.unread = (DKINETIC, DPOTENTIAL, DQDOT, DDRIVING, *(() if loops else (DFORCE,)))
         self.sums: set[Place] = set()
         """Values of links to which several blocks add."""
         for sweep in self.sweeps:
@@ -201,15 +210,17 @@ class SecondOrder:
                 if k not in backs[name]:
                     continue
                 back = backs[name][k]
-                found[adjoint_name(name)][k] = _storing(back, lambda a: a.memory is ADJOINT or base_of(a) in self.read)
+                stored = self.read + (READ_BY_SOLUTIONS if sweep in self.solving else ())
+                found[adjoint_name(name)][k] = _storing(back, partial(_among, (ADJOINT,), stored))
                 mass = self._along_adjoint(sweep, kind, back, mass_name(name), mass_tangent_of)
                 if not self.system.model.loops:  # one block computes both
                     mass.stores += found[adjoint_name(name)][k].stores
-                found[mass_name(name)][k] = _storing(
-                    mass, lambda a: a.memory in (MASS_LANE, ADJOINT) or base_of(a) in (*self.solved, *self.read)
-                )
+                kept = partial(_among, (MASS_LANE, ADJOINT), (*self.solved, *stored))
+                found[mass_name(name)][k] = _storing(mass, kept)
                 whole = self._along_adjoint(sweep, kind, back, along_name(adjoint_name(name)), adjoint_tangent_of)
-                found[along_name(adjoint_name(name))][k] = _storing(whole, lambda a: base_of(a) not in self.dropped)
+                if name != ACCELERATIONS:
+                    whole = _storing(whole, lambda a: base_of(a) not in self.dropped)
+                found[along_name(adjoint_name(name))][k] = whole
         self._drop_zeros(found)
         runs = [
             (found[sweep.name][kind.index], partial(self._places, kind, sweep))
@@ -433,6 +444,10 @@ def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:
     return drop_dead(
         Block(block.name, block.title, block.loads, block.statements, [s for s in block.stores if kept(s[0].plain)])
     )
+
+
+def _among(memories: tuple[Memory, ...], stores: tuple[Store, ...], store: Store) -> bool:
+    return store.memory in memories or base_of(store) in stores
 
 
 def _primitives(kind: UnitKind, x: Expansion) -> tuple[Primitives, dict[Symbol, Expr]]:

@@ -30,6 +30,7 @@ from .stores import (
     DCOORDINATE_FORCE,
     DDRIVE,
     DDRIVE_BAR,
+    DDRIVING,
     DFORCE,
     DFORCE_BAR,
     DGAP,
@@ -37,6 +38,8 @@ from .stores import (
     DGP,
     DGQ,
     DGU,
+    DHELD,
+    DHELD_BAR,
     DKINETIC,
     DKINETIC_BAR,
     DMASSES,
@@ -56,6 +59,8 @@ from .stores import (
     DRATE_GAP_BAR,
     DRIVE,
     DRIVE_BAR,
+    DRIVING,
+    DRIVING_BAR,
     DTAU,
     DTAU_BAR,
     DU,
@@ -68,6 +73,8 @@ from .stores import (
     GP,
     GQ,
     GU,
+    HELD,
+    HELD_BAR,
     KINETIC,
     KINETIC_BAR,
     MASS_LANE,
@@ -98,7 +105,7 @@ TANGENTS = {
     COORDINATES: DQ, SPEEDS: DU, UDOT: DUDOT, TAU: DTAU, MOTION: DMOTION, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE,
     FORCE: DFORCE, MULTIPLIER: DMULTIPLIER, GAP: DGAP, RATE_GAP: DRATE_GAP, ACCELERATION_GAP: DACCELERATION_GAP,
     COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ, QDOT: DQDOT, KINETIC: DKINETIC, POTENTIAL: DPOTENTIAL, MASSES: DMASSES,
-    MOMENTA: DMOMENTA,
+    MOMENTA: DMOMENTA, DRIVING: DDRIVING, HELD: DHELD,
 }  # fmt: skip
 """The tangents of arguments, results and formulas."""
 
@@ -107,6 +114,7 @@ ADJOINTS = {
     DCOEFFICIENT: COEFFICIENT_BAR, DDRIVE: DRIVE_BAR, DFORCE: FORCE_BAR, CL_DP: CL_GP, DMULTIPLIER: MULTIPLIER_BAR,
     DGAP: GAP_BAR, DRATE_GAP: RATE_GAP_BAR, DACCELERATION_GAP: ACCELERATION_GAP_BAR,
     DQDOT: QDOT_BAR, DKINETIC: KINETIC_BAR, DPOTENTIAL: POTENTIAL_BAR, DMASSES: MASSES_BAR, DMOMENTA: MOMENTA_BAR,
+    DDRIVING: DRIVING_BAR, DHELD: HELD_BAR,
 }  # fmt: skip
 """The store of adjoints for each store of tangents."""
 
@@ -115,12 +123,15 @@ ADJOINT_TANGENTS = {
     COEFFICIENT_BAR: DCOEFFICIENT_BAR, DRIVE_BAR: DDRIVE_BAR, FORCE_BAR: DFORCE_BAR, CL_GP: CL_DGP,
     MULTIPLIER_BAR: DMULTIPLIER_BAR, GAP_BAR: DGAP_BAR, RATE_GAP_BAR: DRATE_GAP_BAR,
     ACCELERATION_GAP_BAR: DACCELERATION_GAP_BAR, KINETIC_BAR: DKINETIC_BAR, POTENTIAL_BAR: DPOTENTIAL_BAR,
-    MASSES_BAR: DMASSES_BAR, MOMENTA_BAR: DMOMENTA_BAR,
+    MASSES_BAR: DMASSES_BAR, MOMENTA_BAR: DMOMENTA_BAR, HELD_BAR: DHELD_BAR,
 }  # fmt: skip
 """The tangents of adjoints."""
 
-READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR)
+READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR, HELD_BAR)
 """Adjoints that formulas read in all functions, also in those that compute no gradient."""
+
+READ_BY_SOLUTIONS = (UDOT_BAR, MULTIPLIER_BAR)
+"""Adjoints from which the virtual motion of outputs follows."""
 
 GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
 """Gradients of one vector of weights."""
@@ -128,8 +139,8 @@ GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
 READ_BY_LOOPS = (GQ, GU)
 """Adjoints from which the multipliers of loops follow."""
 
-HELD = (RATE_GAP_BAR, GAP_BAR, QDOT_BAR)
-"""Adjoints without tangents: multipliers whose changes are added later, and weights of coordinate rates."""
+WITHOUT_TANGENTS = (RATE_GAP_BAR, GAP_BAR, QDOT_BAR, DRIVING_BAR)
+"""Adjoints without tangents: multipliers whose changes are added later, and weights of results."""
 
 _PREFIX = {TANGENT: "t", ADJOINT: "a", ADJOINT_LANE: "ta", MASS_LANE: "ma", CHANGE_LANE: "ca"}
 _MADE: dict[tuple[Memory, Store], Store] = {}
@@ -189,7 +200,7 @@ def along_of_adjoint(store: Store) -> Store:
 
 def adjoint_tangent_of(store: Store, name: str, memory: Memory = ADJOINT_LANE) -> Component | None:
     """The place of the tangent of a value or of an adjoint."""
-    if base_of(store) in HELD:
+    if base_of(store) in WITHOUT_TANGENTS:
         return None
     if store.memory is ADJOINT:
         return in_memory(memory, store), name

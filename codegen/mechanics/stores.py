@@ -166,6 +166,9 @@ COEFFICIENT_BAR, DCOEFFICIENT_BAR = (
 )
 DRIVE_BAR, DDRIVE_BAR = Store("drive_bar", ELEMENT, COEFFICIENTS), Store("ddrive_bar", ELEMENT, COEFFICIENTS_LANE)
 """Adjoints of the missing joint forces (the virtual motion), of joint forces, udot, prescribed motion and coefficients."""
+DRIVING_BAR = Store("driving_bar", LINK, PER_DRIVE)
+HELD_BAR, DHELD_BAR = Store("held_force_bar", LINK, PER_DRIVE), Store("dheld_force_bar", LINK, PER_DRIVE_LANE)
+"""Adjoints of the forces that prescribed motion requires, and of the model's own forces on prescribed coordinates."""
 GQ, DGQ = Store("gq", LINK, PER_COORDINATE), Store("dgq", LINK, PER_COORDINATE_LANE)
 GU, DGU = Store("gu", LINK, PER_SPEED), Store("dgu", LINK, PER_SPEED_LANE)
 GP, DGP = Store("gp", LINK, PER_PARAMETER), Store("dgp", LINK, PER_PARAMETER_LANE)

@@ -40,6 +40,7 @@ from .tree import (
     closed,
     columns,
     composite,
+    driving,
     inverse_dynamics,
     kinematics,
     triangularization,
@@ -149,6 +150,10 @@ def _pulled(kind: LinkKind) -> bool:
     return kind.pulled
 
 
+def _driven(kind: LinkKind) -> bool:
+    return kind.joint.driven
+
+
 def _tree_outward(x: Scope, kind: LinkKind) -> None:
     """Several outward blocks of a link, joined to one block."""
     for write in (kinematics.pose, loads.velocities, closed.tree_motion, closed.clear_wrenches):
@@ -233,6 +238,9 @@ SWEEPS: tuple[Sweep, ...] = (
           units=True),
     Sweep("tree_forces", "joint forces that udot and the wrenches of loops require, in addition to those of the model (Eq. 45)",
           closed.tree_forces, INWARD),
+    Sweep("driving", "forces that prescribed motion requires (Eqs. 45, 53)", driving.driving, OUTWARD, applies=_driven),
+    Sweep("driving_in_loops", "forces that prescribed motion requires, with those of loops (Eqs. 9, 45)",
+          driving.driving_in_loops, OUTWARD, applies=_driven),
     Sweep("acceleration_gaps", "values of the loops' conditions in acceleration (Eq. 31)", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.acceleration_gaps, units=True),
     Sweep("rate_gaps", "values of the loops' conditions in velocity (Eq. 30)", _nothing, OUTWARD, applies=_never,
@@ -332,9 +340,9 @@ def _together() -> list[Sweep]:
 
 
 DIFFERENTIATED_TWICE = (
-    "rotations", "rates", "pose", "velocities", "kinetic", "masses", "momenta", "moments", "element_energy", "clear", "loads",
-    "found_motion", "tree_motion", "missing_forces", "clear_wrenches", "wrenches", "tree_forces", "acceleration_gaps",
-    "rate_gaps", "gaps", "coordinate_forces", "tangential_gradients",
+    "rotations", "rates", "pose", "velocities", "kinetic", "link_accelerations", "masses", "momenta", "moments", "element_energy",
+    "clear", "loads", "found_motion", "tree_motion", "missing_forces", "driving", "clear_wrenches", "wrenches", "tree_forces",
+    "driving_in_loops", "acceleration_gaps", "rate_gaps", "gaps", "coordinate_forces", "tangential_gradients",
 )  # fmt: skip
 """Sweeps of the inverse dynamics, of quantities and of the loops' conditions, in their order; see `second_order`."""
 
@@ -365,9 +373,10 @@ OF_MASS = ("tree_forces", "wrenches", "acceleration_gaps", "tree_motion")
 
 def backward_in_loops(sweeps: Iterable[str]) -> list[str]:
     """The order of adjoints along directions. The adjoint of joint forces comes first, since its sweep visits all links
-    and reads no other adjoint."""
+    and reads no other adjoint but those of driving forces."""
+    first = ("driving_in_loops", OF_MASS[0])
     order = [*sweeps][::-1]
-    return sorted(order, key=lambda s: s != OF_MASS[0])
+    return sorted(order, key=lambda s: first.index(s) if s in first else len(first))
 
 
 RUN_AGAIN = tuple(map(adjoint_name, ("rotations", "pose", "velocities", "rate_gaps", "gaps")))

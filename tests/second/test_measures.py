@@ -107,5 +107,3 @@ def test_messages(tmp_path: Path) -> None:
         solver.hessians([0.5], [0.0], weights=[1.0, 2.0], of="energy")
     with pytest.raises(AttributeError, match="generated without output_hessian_products: add it to --functions"):
         solver.output_hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0])
-    with pytest.raises(ValueError, match="outputs that do not depend on accelerations; here ahead, climb do"):
-        codegen.generate(EXAMPLES / "quadrotor.yaml", tmp_path / "x", functions=OUTPUTS)

@@ -15,7 +15,7 @@ def accelerations(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link: accelerations as in `inverse_dynamics`, but with the ground at rest. Eqs. 18-21."""
     joint = kind.joint(x, kind)
     motion = fields.moving
-    carried, w = angular_velocity(x, joint)
+    carried, w = angular_velocity(x, joint, motion.w)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, motion))
     B = acceleration_matrix(x, w, al)
     parts = ((motion.w, w), (motion.al, al), (motion.a, a), (motion.B, B))

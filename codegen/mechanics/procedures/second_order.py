@@ -6,25 +6,19 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 from ...program.procedure import (
-    ADJOINT_TANGENTS,
-    ADJOINT_VALUES,
-    GROUND_TWICE,
     Array,
     Bind,
     Combine,
     Own,
-    Prepare,
     Procedure,
-    Run,
     Single,
     Step,
     Zero,
 )
 from ..quantities import run
-from ..sweeps import adjoint_name, along_name, mass_name
 from .choice import UnknownFunctionError
 from .mass import SOLVE
-from .second_order_loops import WithLoops, bar_of, ground_gradient, transposed
+from .second_order_loops import WithLoops
 from .second_order_measures import (
     ASSEMBLY_PRODUCTS,
     ENERGY_PRODUCTS,
@@ -32,11 +26,11 @@ from .second_order_measures import (
     RATE_PRODUCTS,
     assembly_products,
     energy_products,
-    lacking,
-    output_products,
     rate_products,
 )
-from .shared import Shared, performed
+from .second_order_outputs import driving_entries, lacking, output_products, solution_bars
+from .second_order_trees import TreeSteps
+from .shared import Shared
 from .words import OTHER_WIDTHS
 
 HESSIAN_PRODUCTS = "hessian_products"
@@ -56,7 +50,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
     virtual, change = virtual.called("virtual_motion"), change.called("dudot_bar")
     right = weights.tangent("b")
     found, dforce = dudot.called("found_dudot"), dudot.called("dforce_bar")
-    parts = _Parts(w)
+    parts = TreeSteps(w)
     gradient = tuple(w.one(f"dg{n}") for n in w.state)
     values = tuple(w.one(f"g{n}") for n in w.state) if motion else ()
     ends = tuple(w.one(f"g{n}").called(f"gradient_{n}") for n in w.state) if motion else ()
@@ -88,7 +82,8 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
             *SOLVE,
             Bind(dudot, found),
             *map(Zero, gradient),
-            *parts.adjoint_tangents(),
+            *parts.zero,
+            parts.adjoint_tangents,
         )
     doc = "Products of the Hessian of b . udot with directions: the change of its gradient along them (d Eqs. 9, 10)."
     return Procedure(
@@ -105,18 +100,25 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
 
 def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
     """The given functions, and `GRADIENT_TANGENTS` if motions have Hessian products."""
-    if not {HESSIAN_PRODUCTS, "state_rates"} <= {p.name for p in found}:
-        return found
-    stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
-    places = tuple(step for a in stored for step in (Own(a), Zero(a)))
-    kept = tuple(replace(p, steps=(*places, *p.steps)) if p.name in SECOND_ORDER else p for p in found)
-    return (*kept, hessian_products(w, True))
+    names = {p.name for p in found}
+    if {HESSIAN_PRODUCTS, "state_rates"} <= names:
+        stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
+        found = (*with_arrays(found, stored, {*SECOND_ORDER}), hessian_products(w, True))
+    if OUTPUT_PRODUCTS in names and driving_entries(w):  # sweeps store these adjoints in all functions
+        found = with_arrays(found, solution_bars(w), {*SECOND_ORDER, GRADIENT_TANGENTS} - {OUTPUT_PRODUCTS})
+    return found
+
+
+def with_arrays(found: tuple[Procedure, ...], arrays: list[Array], names: set[str]) -> tuple[Procedure, ...]:
+    """The given functions, of which the named functions also have arrays of zeros."""
+    places = tuple(step for a in arrays for step in (Own(a), Zero(a)))
+    return tuple(replace(p, steps=(*places, *p.steps)) if p.name in names else p for p in found)
 
 
 def inverse_dynamics_products(w: Shared) -> Procedure:
     """The Hessian of ``weights . force`` of the inverse dynamics times directions: the change of its gradient along them."""
     weights, force, dudot = w.of("force_weights", "force", "dudot")
-    parts = _Parts(w, "tree_motion", "_at_udot")
+    parts = TreeSteps(w, "tree_motion", "_at_udot")
     change = dudot.called("dforce_bar")
     gradient = tuple(w.one(f"dg{n}") for n in ("q", "u", "udot", *w.rest))
     into = dudot.called("dudot_bar")
@@ -134,7 +136,8 @@ def inverse_dynamics_products(w: Shared) -> Procedure:
         parts.tangents,
         Bind(into, w.one("dgudot")),
         *map(Zero, (*(g for g in gradient if g.name != "dgudot"), into)),
-        *parts.adjoint_tangents(),
+        *parts.zero,
+        parts.adjoint_tangents,
     )
     return Procedure(
         INVERSE_DYNAMICS_PRODUCTS,
@@ -145,86 +148,6 @@ def inverse_dynamics_products(w: Shared) -> Procedure:
         tuple(a.tangent() for a in w.of("q", "u", "udot", *w.rest)),
         OTHER_WIDTHS,
     )
-
-
-class _Parts:
-    """Routines for trees: adjoints of the inverse dynamics, and tangents of both values and adjoints.
-
-    Parameters
-    ----------
-    w : Shared
-    motion : str
-        The sweep that computes accelerations, by forward dynamics or from given udot.
-    of : str
-        Appended to the names of the routines.
-    """
-
-    def __init__(self, w: Shared, motion: str = "found_motion", of: str = ""):
-        self.w, self.of = w, of
-        quaternions = any(link.joint.quaternion is not None for link in w.system.links)
-        self.sweeps = [
-            *(["rotations"] if quaternions else []),
-            *(["pose", "velocities", "clear", "loads"] if w.elements else []),
-            motion,
-            "missing_forces",
-        ]
-        self.formulas = [*w.motions, *w.forces, *w.coefficients]
-        self.bars = [bar_of(w, f) for f in self.formulas]
-
-    def weights(self, plus: tuple[Array, ...], minus: tuple[Array, ...] = ()) -> list[Step]:
-        """The adjoints of the missing joint forces of the inverse dynamics, and zeros to which blocks add adjoints of
-        formulas."""
-        bar = self.w.one("force").called("force_bar")
-        return [
-            Own(bar),
-            Combine(bar, plus, minus),
-            *(step for a in self.bars for step in (Own(a), Zero(a))),
-        ]
-
-    @property
-    def adjoints(self) -> Step:
-        """Adjoints of the inverse dynamics."""
-        back = (Run(adjoint_name(s)) for s in reversed(self.sweeps))
-        return performed(f"adjoints{self.of}", "Adjoints of the inverse dynamics.", (Prepare(ADJOINT_VALUES), *back))
-
-    @property
-    def tangents(self) -> Step:
-        """Tangents of the inverse dynamics."""
-        along = (Run(along_name(s), True) for s in self.sweeps)
-        steps: tuple[Step, ...] = (Prepare(ADJOINT_TANGENTS, True), *along)
-        return performed(f"tangents{self.of}", "Tangents of the inverse dynamics.", steps)
-
-    @property
-    def mass_tangents(self) -> Step:
-        """Tangents of the inverse dynamics, its adjoints, and tangents of ``M z`` at fixed z.
-
-        The balance has stored the values of the inverse dynamics.
-        """
-        steps: tuple[Step, ...] = (
-            Prepare(ADJOINT_VALUES, True),
-            Prepare(ADJOINT_TANGENTS, True),
-            *(Run(along_name(s), True) for s in self.sweeps),
-            *(Run(mass_name(s), True) for s in reversed(self.sweeps)),
-        )
-        return performed("tangents_of_values", "Tangents of the inverse dynamics, adjoints, tangents of M z.", steps)
-
-    def gradients(self, into: tuple[Array, ...]) -> list[Step]:
-        """Add the contributions of formulas and of gravity to the gradient; blocks have stored all other
-        contributions."""
-        return [*transposed(self.w, self.formulas, self.bars, into), *ground_gradient(self.w)]
-
-    def adjoint_tangents(self) -> list[Step]:
-        """Tangents of the adjoints, which add up to the change of the gradient."""
-        steps: tuple[Step, ...] = (
-            *(Run(along_name(adjoint_name(s)), True) for s in reversed(self.sweeps)),
-            Prepare(GROUND_TWICE, True),
-            *(replace(f, lanes=True, twice=True) for f in self.formulas),
-        )
-        zero = [step for a in self.bars for step in (Own(a.tangent()), Zero(a.tangent()))]
-        return [
-            *zero,
-            performed(f"tangents_of_adjoints{self.of}", "Tangents of the adjoints: the change of the gradient.", steps),
-        ]
 
 
 def second_order(w: Shared, asked: Collection[str]) -> tuple[Procedure, ...]:

@@ -55,19 +55,35 @@ class WithLoops:
     conditions)``: z and y make it stationary in udot and W, n in the dependent speeds, k in the dependent coordinates.
     """
 
-    def __init__(self, w: Shared, formulas: list[Formulas], bars: list[Array], ends: tuple[Array, ...] = ()):
-        """`ends`: results for the gradient by each argument, if the function has them."""
+    def __init__(
+        self,
+        w: Shared,
+        formulas: list[Formulas],
+        bars: list[Array],
+        ends: tuple[Array, ...] = (),
+        of: str = "",
+        driving: bool = False,
+    ):
+        """`ends`: results for the gradient by each argument, if the function has them.
+
+        `of`: appended to the names of the routines. If it is given, gradients and adjoints of formulas begin with
+        contributions of outputs. `driving`: whether forces of prescribed motion have weights.
+        """
         self.w, self.formulas, self.bars, self.ends = w, formulas, bars, ends
+        self.of, self.driving = of, driving
+        self.forces = (*w.forces, *(w.held if driving else ()))
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [
             *(["rotations"] if quaternions else []),
             *("pose", "velocities"),
             *(["clear", "loads"] if w.elements else []),
-            *("tree_motion", *WITH_WRENCHES, "acceleration_gaps", "rate_gaps", "gaps"),
+            *("tree_motion", *WITH_WRENCHES),
         ]
-        self.of_values = self.sweeps[: self.sweeps.index("acceleration_gaps")]
+        self.of_values = [*self.sweeps]
+        self.sweeps += [*(["driving_in_loops"] if driving else []), "acceleration_gaps", "rate_gaps", "gaps"]
+        self.of_mass = (*(["driving_in_loops"] if driving else []), *OF_MASS)
         self.b, self.udot, self.dudot, self.force = w.of("b", "udot", "dudot", "force")
-        self.right = self.b.tangent("b")
+        self.right, self.force_bar = self.b.tangent("b"), self.force.called("force_bar")
         position = w.one("position")
         self.multiplier = position.called("multiplier")
         self.found = self.multiplier.tangent()
@@ -98,32 +114,15 @@ class WithLoops:
         multipliers of conditions on velocities or positions are known, and once more with these multipliers, from a
         copy of the adjoints.
         """
-        force_bar, nothing = self.force.called("force_bar"), self.multiplier.called("no_gap")
+        force_bar = self.force_bar
         solved = self.multiplier.called("response_multiplier")
         acceleration_gap, rate_gap, gap = self.gaps
+        motion = [*map(Own, (solved, virtual)), *self._virtual_motion(weights, virtual, solved)]
         return [
-            *(Own(a) for a in (self.multiplier, *self.gaps, solved, virtual)),
-            *(Own(a) for a in (self.force, self.side, self.along_coordinates, nothing)),
-            Zero(nothing),
-            *run("multiplier_gains"),
-            Single(
-                RESPONSE,
-                ((self.right, weights), (self.gap_right, nothing)),
-                ((self.dudot, virtual), (self.found, solved)),
-            ),
-            performed(
-                "tree_values",
-                "Motions of the links, and joint forces of the tree with the loops cut.",
-                run("tree_outward", "tree_forces"),
-            ),
-            *self._single(self.force, self.multiplier),
-            performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
-            Own(force_bar),
+            *(motion if self.of else self.values(motion)),
             Combine(force_bar, (), (virtual,)),
             Combine(acceleration_gap, (), (solved,)),
-            *map(Own, self.bars),
-            *(map(Bind, self.gradient.values(), self.ends) if self.ends else map(Own, self.gradient.values())),
-            *map(Zero, (*self.gradient.values(), *self.bars)),
+            *([] if self.of else self._no_gradient()),
             *(Own(a.called(f"kept_{a.name}")) for a in self.propagated),
             self._back("accelerations", self.sweeps_of_accelerations, (Prepare(ADJOINT_VALUES),)),
             *self._formula_gradients(),
@@ -140,6 +139,42 @@ class WithLoops:
             *self._rest_of_gradient(),
         ]
 
+    def values(self, first: Iterable[Step] = ()) -> list[Step]:
+        """Motions, forces and wrenches of the tree with the loops cut, after some other steps."""
+        return [
+            *map(Own, (self.multiplier, self.force, self.force_bar, self.side, self.along_coordinates, *self.gaps)),
+            *run("multiplier_gains"),
+            *first,
+            performed(
+                "tree_values",
+                "Motions of the links, and joint forces of the tree with the loops cut.",
+                run("tree_outward", "tree_forces"),
+            ),
+            *self._single(self.force, self.multiplier),
+            performed("tree_wrenches", "Wrenches of the loops, and the joint forces with them.", run(*WITH_WRENCHES)),
+        ]
+
+    def _virtual_motion(self, weights: Array, virtual: Array, solved: Array) -> list[Step]:
+        """The virtual motion and its multipliers, for weights of udot and, with `driving`, of the wrenches."""
+        gap_side = self.multiplier_bar if self.driving else self.multiplier.called("no_gap")
+        nothing: list[Step] = [] if self.driving else [Own(gap_side), Zero(gap_side)]
+        return [
+            *nothing,
+            Single(
+                RESPONSE,
+                ((self.right, weights), (self.gap_right, gap_side)),
+                ((self.dudot, virtual), (self.found, solved)),
+            ),
+        ]
+
+    def _no_gradient(self) -> list[Step]:
+        """Zeros to which blocks add the gradient and the adjoints of formulas."""
+        return [
+            *map(Own, self.bars),
+            *(map(Bind, self.gradient.values(), self.ends) if self.ends else map(Own, self.gradient.values())),
+            *map(Zero, (*self.gradient.values(), *self.bars)),
+        ]
+
     def _single(self, of: Array, to: Array) -> list[Step]:
         """Multipliers that balance the forces `of` along the dependent degrees of freedom."""
         return [Combine(self.side, (), (of,)), Single(MULTIPLIERS, ((self.right, self.side),), ((self.found, to),))]
@@ -150,7 +185,7 @@ class WithLoops:
         """Adjoints of some sweeps."""
         back = (Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in sweeps)
         doc = f"Adjoints of the inverse dynamics and of the loops' conditions, up to {which}."
-        return performed(f"adjoints_of_{which}", doc, (*before, *back, *after))
+        return performed(f"adjoints_of_{which}{self.of}", doc, (*before, *back, *after))
 
     @property
     def kept(self) -> tuple[Step, ...]:
@@ -164,12 +199,12 @@ class WithLoops:
 
     def _formula_gradients(self) -> list[Step]:
         """Adds the contributions of joint forces to the gradient."""
-        if not self.w.forces:
+        if not self.forces:
             return []
         into = {n: self.w.one(n).called(f"formula_g{n}") for n in self.w.state}
         return [
             *(step for a in into.values() for step in (Own(a), Zero(a))),
-            *transposed(self.w, self.w.forces, self.bars, tuple(into.values())),
+            *transposed(self.w, self.forces, self.bars, tuple(into.values())),
             *(Combine(a, (a, into[n])) for n, a in self.gradient.items()),
         ]
 
@@ -180,7 +215,7 @@ class WithLoops:
         """
         if not self.ends:
             return []
-        rest = [f for f in self.formulas if f not in self.w.forces]
+        rest = [f for f in self.formulas if f not in self.forces]
         return [*transposed(self.w, rest, self.bars, tuple(self.gradient.values())), *ground_gradient(self.w)]
 
     # -- along directions ------------------------------------------------------------------------------------------
@@ -193,13 +228,13 @@ class WithLoops:
         coordinates, (_, *dgaps) = self.along_coordinates.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
         rotations = [along_name(adjoint_name(s)) for s in self.sweeps if s == "rotations"]
-        rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.w.forces)
-        forces = tuple(replace(f, lanes=True, twice=True) for f in self.w.forces)
+        rest = tuple(replace(f, lanes=True, twice=True) for f in self.formulas if f not in self.forces)
+        forces = tuple(replace(f, lanes=True, twice=True) for f in self.forces)
         return [
             *self._tangents(given),
-            *map(Zero, (*gradient, *(a.tangent() for a in self.bars))),
+            *(() if self.of else map(Zero, (*gradient, *(a.tangent() for a in self.bars)))),
             performed(
-                "tangents_of_adjoints",
+                f"tangents_of_adjoints{self.of}",
                 "Tangents of the adjoints for the multipliers known so far: the change of the gradient.",
                 (*self._quadratic(), *forces),
             ),
@@ -231,12 +266,13 @@ class WithLoops:
         """Tangents of values with the multipliers held, and of ``M z + E^T y`` and ``E z`` at fixed z and y."""
         zero = tuple(Zero(a.tangent()) for a in (self.udot_bar, self.multiplier_bar))
         if self.w.elements:  # loads depend on velocities, and accelerations on loads
-            names = [*map(along_name, self.of_values), *map(mass_name, OF_MASS)]
+            names = [*map(along_name, self.of_values), *map(mass_name, self.of_mass)]
         else:
             rotations = [along_name(s) for s in self.of_values if s == "rotations"]
             joined = {*TOGETHER["tangents_outward"], *TOGETHER["tangents_inward"]}
-            of_loops = [along_name("wrenches"), *(n for n in map(mass_name, OF_MASS) if n not in joined)]
-            names = [*rotations, "tangents_outward", *of_loops, "tangents_inward"]
+            driving, of_mass = self.of_mass[: -len(OF_MASS)], map(mass_name, OF_MASS)
+            of_loops = [along_name("wrenches"), *(n for n in of_mass if n not in joined)]
+            names = [*map(mass_name, driving), *rotations, "tangents_outward", *of_loops, "tangents_inward"]
         return (Prepare(ADJOINT_TANGENTS, True), *zero, *(Run(s, True) for s in names))
 
     def _tangents(self, given: tuple[Array, ...]) -> list[Step]:
@@ -246,7 +282,7 @@ class WithLoops:
         if given:
             solved = (Bind(self.dudot, found_dudot), w.seeded)
         of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
-        dforce, dforce_bar = self.force.tangent(), self.force.called("force_bar").tangent()
+        dforce, dforce_bar = self.force.tangent(), self.force_bar.tangent()
         gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
         return [
@@ -255,10 +291,10 @@ class WithLoops:
             *(Own(a) for a in (self.side.tangent(), gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
             *map(Own, (self.wrench, *dgaps)),
             Zero(self.wrench),
-            *(Own(a.tangent()) for a in self.bars),
+            *(() if self.of else (Own(a.tangent()) for a in self.bars)),
             Bind(self.found, self.wrench),
             performed(
-                "tangents_of_values",
+                f"tangents_of_values{self.of}",
                 "Tangents of the tree's inverse dynamics, with multipliers held; of M z + E^T y and E z, with z and y held.",
                 self._values_along(),
             ),

@@ -9,7 +9,6 @@ from ...program.procedure import (
     ADJOINT_TANGENTS,
     ADJOINT_VALUES,
     NO_TANGENTS,
-    AddEntry,
     Array,
     Bind,
     Check,
@@ -24,7 +23,6 @@ from ...program.procedure import (
     Zero,
     ZeroEntries,
 )
-from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
 from ..quantities import ENERGIES, RATES, Quantity, measured, run
 from ..sweeps import DIFFERENTIATED_TWICE, adjoint_name, along_name
 from .measures import energies
@@ -45,24 +43,6 @@ def energy_products(w: Shared) -> Procedure:
     return made.procedure(ENERGY_PRODUCTS, energies(w)[0].arguments, (weights,), begin)
 
 
-def output_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of outputs times directions: the change of its gradient along them."""
-    read: set[str] = set()
-    for o, m in zip(w.system.model.outputs, w.measures, strict=True):
-        if isinstance(m, RecordMeasure):
-            read |= {*m.reads, *m.also(o)}
-    entries = {i: m.entry for i, m in enumerate(w.measures) if isinstance(m, EnergyMeasure)}
-    bar, energy_bar = w.one("outputs").called("outputs_bar"), w.one("energy").called("energy_bar")
-    weights = w.one("output_weights")
-    made = Measures(w, "output", measured(w.system, read, entries.values()), (OUTPUTS,))
-    begin: tuple[Step, ...] = (
-        Own(bar),
-        Combine(bar, (weights,)),
-        *(AddEntry(energy_bar, entry, bar, i) for i, entry in entries.items()),
-    )
-    return made.procedure(OUTPUT_PRODUCTS, w.of(*w.state), (weights,), begin, [bar])
-
-
 def rate_products(w: Shared) -> Procedure:
     """The Hessian of a weighted sum of the rates of coordinates times directions: the change of its gradient."""
     bar, weights = w.one("qdot").called("qdot_bar"), w.one("rate_weights")
@@ -76,20 +56,6 @@ def assembly_products(w: Shared) -> Procedure:
     made, weights = Measures(w, "assembly", [], (), of_state=False), w.of("q_weights", "u_weights")
     begin: tuple[Step, ...] = tuple(Combine(a, (of,)) for a, of in zip(made.zero, weights, strict=True))
     return made.procedure(ASSEMBLY_PRODUCTS, w.of("q", "u", *w.p), weights, begin)
-
-
-def lacking(w: Shared) -> str:
-    """The reason why a model has no second derivatives of outputs; "" if it has them."""
-    if not w.system.model.outputs:
-        return "outputs, and this model has none"
-    accelerated = [
-        o.name
-        for o, m in zip(w.system.model.outputs, w.measures, strict=True)
-        if isinstance(m, DrivingMeasure) or (isinstance(m, RecordMeasure) and "acceleration" in {*m.reads, *m.also(o)})
-    ]
-    if accelerated:
-        return f"outputs that do not depend on accelerations; here {', '.join(accelerated)} do"
-    return ""
 
 
 class Measures(WithLoops):

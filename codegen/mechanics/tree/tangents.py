@@ -82,7 +82,8 @@ UP_TANGENTS = {
     whole.name: part.name
     for whole, part in (
         (fields.total.al, fields.remainder.al), (fields.total.a, fields.remainder.a), (fields.total.B, fields.remainder.B),
-        (fields.moving.al, fields.moving.al), (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
+        (fields.moving.w, fields.moving.w), (fields.moving.al, fields.moving.al),
+        (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
     )
 }  # fmt: skip
 """Fields of the parent that have a tangent, each with the name of the field of this tangent."""

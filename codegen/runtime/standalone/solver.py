@@ -998,7 +998,8 @@ class Solver(Package):
         """Return products of the Hessian of ``sum_i weights_i outputs_i`` with directions, exact to rounding.
 
         These are the changes of the sum's gradient (`output_gradients`) along the directions; see `hessian_products`.
-        The function is generated on request, with ``--functions``. No output of the model may depend on accelerations.
+        The function is generated on request, with ``--functions``. Outputs may depend on accelerations and on
+        forces of prescribed motion.
 
         Parameters
         ----------
