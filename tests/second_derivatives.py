@@ -73,7 +73,9 @@ def differences(solver: codegen.Solver, state: Any, weights: np.ndarray, gradien
     number = np.frompyfunc(mp.mpf, 1, 1)
     seeds = directions(solver, state)
     if solver.closure_names:
-        *_, dq, du = solver.assemble_sensitivities(*state[:5], **{n: x for n, x in seeds.items() if x.size})
+        *_, dq, du = solver.assemble_sensitivities(
+            *state[:5], **{n: x for n, x in seeds.items() if x.size and n != "dudot"}
+        )
         seeds |= {"dq": np.where(kept_as_given(solver, dq), seeds["dq"], dq), "du": du}
     found = []
     for sign in (1, -1):

@@ -161,8 +161,9 @@ class SecondOrder:
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
         """Tangents of adjoints from which the tangents of solutions follow."""
         self.transposes: dict[tuple[str, int], Block] = {}
-        self.forward, inverse = mass_name("missing_forces") in self.parts, not loops and "tree_motion" in originals
-        """Whether products of the forward dynamics of a tree, and of its inverse dynamics, are among the functions."""
+        self.forward = mass_name("missing_forces") in self.parts
+        """Whether products of the forward dynamics of a tree are among the functions."""
+        inverse = "given_accelerations" in wanted if loops else "tree_motion" in originals
         self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
         driven = not {"driving", "driving_in_loops"}.isdisjoint(originals)
         self.solving = self.sweeps if driven else [s for s in self.sweeps if s.name == ACCELERATIONS]

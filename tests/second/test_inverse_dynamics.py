@@ -101,5 +101,3 @@ def test_messages(tmp_path: Path) -> None:
         solver.inverse_dynamics_hessian_products([0.5], [0.0], [0.0], weights=[1.0, 2.0], dq=[1.0])
     with pytest.raises(AttributeError, match="generated without hessian_products: add it to --functions"):
         solver.hessian_products([0.5], [0.0], weights=[1.0], dq=[1.0])
-    with pytest.raises(ValueError, match="inverse_dynamics_hessian_products needs a model without loops"):
-        codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "x", functions="inverse_dynamics_hessian_products")

@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from painted_memory import filled
+from prescribed_models import with_prescribed_at
 from random_models import random_seeds
-from second_derivatives import EXAMPLES, observed_mechanism, observed_tree
+from second_derivatives import (
+    EXAMPLES,
+    every_output_of_a_mechanism,
+    every_output_of_a_tree,
+    observed_mechanism,
+    observed_tree,
+)
 
 import codegen
 from codegen.runtime.standalone.calls.arguments import Seeds
@@ -60,7 +67,16 @@ def test_trees(seed: int, functions: tuple[str, ...], tmp_path: Path, monkeypatc
 
 def test_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model, state = observed_mechanism(25, scene="spatial", bodies=(2, 4), loops=(1, 2))
-    check(model, state, (*PRODUCTS[:3], *OF_KINEMATICS), tmp_path, monkeypatch)
+    check(model, state, (*PRODUCTS, *OF_KINEMATICS), tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize("loops", [False, True], ids=["tree", "loops"])
+def test_outputs_of_accelerations_and_driving_forces(
+    loops: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options: dict[str, Any] = {"scene": "spatial", "bodies": (2, 4), "loops": (1, 2), "more": with_prescribed_at}
+    model, state = every_output_of_a_mechanism(4, **options) if loops else every_output_of_a_tree(2)
+    check(model, state, PRODUCTS[:2], tmp_path, monkeypatch)
 
 
 def test_neighbours_exchange_in_scratch_memory(tmp_path: Path) -> None:

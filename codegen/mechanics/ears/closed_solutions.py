@@ -200,28 +200,47 @@ def ear_response(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: required forces and dependent accelerations, with the sources at rest. Eqs. 19, 23,
     31."""
     ear = EarGeometry(x, kind)
-    rows = kept_conditions(ear)
     before = [of_root(x, root) for root in ear.roots]
-    rates: dict[tuple[int, int], Value] = {}
-    if rows:
-        along = [
-            Twist(*(x.let_vector("A", rotate(root.attitude(), v), "Eq. 31", lanes=True) for v in (A[:3], A[3:])))
-            for root, A in zip(ear.roots, before, strict=True)
-        ]
-        moved = components_along(ear, rows, ear.root_difference(along), "b", "Eq. 31", lanes=True)
-        right = [a - b for a, b in zip(multipliers(x, rows, GAP_RIGHT_SIDE), moved, strict=True)]
-        right = [x.let("b", v, "Eq. 31", lanes=True) for v in right]
-        solved = stored_factor(x, kind).solve(right, "dx", "Eq. 31", lanes=True)
-        rates = dict(zip(dependents(kind), solved, strict=True))
-    found: list[Vector] = []
-    for k, member in enumerate(ear.members):
-        joint = kind.links[k].joint(member.view, kind.links[k], lanes=True)
-        parent = found[member.parent] if member.parent >= 0 else before[-1 - member.parent]
-        A = moved_by(member.view, joint, parent, [rates.get((k, j), 0) for j in range(len(joint.columns))], "Eq. 19")
-        found.append(A)
-        _store_needed(member.view, A)
+    rates = _dependent_rates(x, ear, before, {})
+    for k, A in enumerate(_accelerations(ear, before, rates)):
+        _store_needed(ear.members[k].view, A)
         for j in kind.dependent[k]:
             x.store(MY_LANE[k], fields.dependent_acceleration(j), rates[k, j])
+
+
+Rates = dict[tuple[int, int], Value]
+"""Accelerations of an ear's degrees of freedom, each by link and index."""
+
+
+def _dependent_rates(x: Scope, ear: EarGeometry, before: list[Vector], own: Rates) -> Rates:
+    """Dependent accelerations from ``E x = e``, with accelerations of the roots and of other joints. Eq. 31."""
+    rows = kept_conditions(ear)
+    if not rows:
+        return {}
+    along = [
+        Twist(*(x.let_vector("A", rotate(root.attitude(), v), "Eq. 31", lanes=True) for v in (A[:3], A[3:])))
+        for root, A in zip(ear.roots, before, strict=True)
+    ]
+    at_cuts = ear.root_difference(along)
+    for (k, j), rate in own.items():
+        moved = ear.column(k, ear.members[k].freedoms[j])
+        at_cuts = [t.plus(of.times(rate)) for t, of in zip(at_cuts, moved, strict=True)]
+    known = components_along(ear, rows, at_cuts, "b", "Eq. 31", lanes=True)
+    right = [a - b for a, b in zip(multipliers(x, rows, GAP_RIGHT_SIDE), known, strict=True)]
+    right = [x.let("b", v, "Eq. 31", lanes=True) for v in right]
+    solved = stored_factor(x, ear.kind).solve(right, "dx", "Eq. 31", lanes=True)
+    return dict(zip(dependents(ear.kind), solved, strict=True))
+
+
+def _accelerations(ear: EarGeometry, before: list[Vector], rates: Rates) -> list[Vector]:
+    """The accelerations of an ear's links, also stored for links that start from them. Eq. 19."""
+    found: list[Vector] = []
+    for k, member in enumerate(ear.members):
+        joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
+        parent = found[member.parent] if member.parent >= 0 else before[-1 - member.parent]
+        own = [rates.get((k, j), 0) for j in range(len(joint.columns))]
+        found.append(moved_by(member.view, joint, parent, own, "Eq. 19"))
+    return found
 
 
 def region_response(x: Scope, kind: RegionKind) -> None:
@@ -275,3 +294,33 @@ def ear_solution(x: Scope, kind: EarKind) -> None:
     for c, value in r.items():
         x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "Eq. 53", lanes=True))
     add_to_roots(x, ear, on_roots)
+
+
+# -- accelerations from those of independent speeds: E x = e ---------------------------------------------------------------
+
+
+def link_given(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link: its acceleration from that of its joint, and the force that it requires. Eqs. 19, 23."""
+    joint = kind.joint(x, kind, lanes=True)
+    rates = [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)]
+    _store_given(x, moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates, "Eq. 19"), rates)
+
+
+def ear_given(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: accelerations of its links from those of the other joints, and required forces. Eqs. 19,
+    23, 31."""
+    ear = EarGeometry(x, kind)
+    before = [of_root(x, root) for root in ear.roots]
+    free = {k: range(link.joint.freedoms) for k, link in enumerate(kind.links)}
+    rates = {(k, j): x.entry(RIGHT_SIDE[k], j) for k, all in free.items() for j in all if j not in kind.dependent[k]}
+    rates |= _dependent_rates(x, ear, before, rates)
+    for k, A in enumerate(_accelerations(ear, before, rates)):
+        _store_given(ear.members[k].view, A, [rates[k, j] for j in free[k]])
+
+
+def _store_given(x: Scope, A: Vector, rates: list[Value]) -> None:
+    force: Vector = [0] * 6
+    add_inertial_force(x, force, A)
+    x.store(MY_LANE, fields.total_needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
+    for j, rate in enumerate(rates):
+        x.set_entry(DUDOT, j, rate)

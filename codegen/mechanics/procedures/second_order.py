@@ -18,6 +18,7 @@ from ...program.procedure import (
 from ..quantities import run
 from .choice import UnknownFunctionError
 from .mass import SOLVE
+from .second_order_inverse import GivenAccelerations
 from .second_order_loops import WithLoops
 from .second_order_measures import (
     ASSEMBLY_PRODUCTS,
@@ -117,10 +118,11 @@ def with_arrays(found: tuple[Procedure, ...], arrays: list[Array], names: set[st
 
 def inverse_dynamics_products(w: Shared) -> Procedure:
     """The Hessian of ``weights . force`` of the inverse dynamics times directions: the change of its gradient along them."""
+    names = ("q", "u", "udot", *w.rest)
     weights, force, dudot = w.of("force_weights", "force", "dudot")
     parts = TreeSteps(w, "tree_motion", "_at_udot")
     change = dudot.called("dforce_bar")
-    gradient = tuple(w.one(f"dg{n}") for n in ("q", "u", "udot", *w.rest))
+    gradient = tuple(w.one(f"dg{n}") for n in names)
     into = dudot.called("dudot_bar")
     steps: tuple[Step, ...] = (
         w.start,
@@ -139,6 +141,8 @@ def inverse_dynamics_products(w: Shared) -> Procedure:
         *parts.zero,
         parts.adjoint_tangents,
     )
+    if w.loops:
+        steps = GivenAccelerations(w).all_steps(weights, dict(zip(names, gradient, strict=True)))
     return Procedure(
         INVERSE_DYNAMICS_PRODUCTS,
         "Products of the Hessian of force_weights . force of the inverse dynamics with directions: the change of its gradient.",
@@ -172,13 +176,9 @@ def _freedom(w: Shared) -> str:
     return "" if w.system.model.nu else "a degree of freedom, and this model has none"
 
 
-def _tree(w: Shared) -> str:
-    return "a model without loops, and this model has loops" if w.loops else _freedom(w)
-
-
 SECOND_ORDER: Mapping[str, tuple[Callable[[Shared], str], Callable[[Shared], Procedure]]] = {
     HESSIAN_PRODUCTS: (_freedom, hessian_products),
-    INVERSE_DYNAMICS_PRODUCTS: (_tree, inverse_dynamics_products),
+    INVERSE_DYNAMICS_PRODUCTS: (_freedom, inverse_dynamics_products),
     ENERGY_PRODUCTS: (lambda w: "", energy_products),
     OUTPUT_PRODUCTS: (lacking, output_products),
     RATE_PRODUCTS: (lambda w: "", rate_products),

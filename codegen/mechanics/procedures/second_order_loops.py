@@ -161,7 +161,7 @@ class WithLoops:
         return [
             *nothing,
             Single(
-                RESPONSE,
+                self.solution,
                 ((self.right, weights), (self.gap_right, gap_side)),
                 ((self.dudot, virtual), (self.found, solved)),
             ),
@@ -232,7 +232,7 @@ class WithLoops:
         forces = tuple(replace(f, lanes=True, twice=True) for f in self.forces)
         return [
             *self._tangents(given),
-            *(() if self.of else map(Zero, (*gradient, *(a.tangent() for a in self.bars)))),
+            *self._no_gradient_along(gradient),
             performed(
                 f"tangents_of_adjoints{self.of}",
                 "Tangents of the adjoints for the multipliers known so far: the change of the gradient.",
@@ -255,6 +255,10 @@ class WithLoops:
             *(ZeroEntries(a, e) for a, e in zip((dgq, dgu), self._dependent(), strict=True) if e),
         ]
 
+    def _no_gradient_along(self, gradient: tuple[Array, ...]) -> list[Step]:
+        """Zeros to which blocks add the tangents of the gradient and of adjoints of formulas."""
+        return [] if self.of else [Zero(a) for a in (*gradient, *(a.tangent() for a in self.bars))]
+
     def _quadratic(self) -> tuple[Run, ...]:
         """Tangents of the adjoints of all sweeps except the sweeps of poses."""
         names = [along_name(adjoint_name(s)) for s in backward_in_loops(self.sweeps) if s not in POSES]
@@ -275,19 +279,20 @@ class WithLoops:
             names = [*map(mass_name, driving), *rotations, "tangents_outward", *of_loops, "tangents_inward"]
         return (Prepare(ADJOINT_TANGENTS, True), *zero, *(Run(s, True) for s in names))
 
+    @property
+    def solution(self) -> tuple[Run, ...]:
+        """Steps that solve for the virtual motion and its multipliers, with ``b`` and ``gap_b`` as right sides."""
+        return RESPONSE
+
     def _tangents(self, given: tuple[Array, ...]) -> list[Step]:
         """Tangents of values, of the wrenches, and of the virtual motion."""
-        w, found_dudot = self.w, self.dudot.called("found_dudot")
-        solved: tuple[Step, ...] = (Own(found_dudot), Bind(self.dudot, found_dudot), w.balance)
-        if given:
-            solved = (Bind(self.dudot, found_dudot), w.seeded)
+        found_dudot = self.dudot.called("found_dudot")
         of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
         dforce, dforce_bar = self.force.tangent(), self.force_bar.tangent()
         gap_side, coordinates = self.gap_right.called("dgap_side"), self.along_coordinates.tangent()
         dgaps = [a.tangent() for a in self.gaps]
         return [
-            *w.along,
-            *solved,
+            *self._found_along(given),
             *(Own(a) for a in (self.side.tangent(), gap_side, dforce, dforce_bar, of_mass, of_gaps, coordinates)),
             *map(Own, (self.wrench, *dgaps)),
             Zero(self.wrench),
@@ -304,16 +309,28 @@ class WithLoops:
                 "Tangents of the wrenches of the loops, and of the joint forces with them.",
                 tuple(Run(along_name(s), True) for s in WITH_WRENCHES),
             ),
-            Combine(self.side.tangent(), (), (of_mass, *given[:1])),
-            Combine(gap_side, (), (of_gaps,)),
+            *self._right_sides(given),
             Bind(self.right, self.side.tangent()),
             Bind(self.gap_right, gap_side),
             Bind(self.dudot, dforce_bar),
             Bind(self.found, dgaps[0]),
-            *RESPONSE,
+            *self.solution,
             Bind(self.dudot, found_dudot),
             Bind(self.found, self.wrench),
         ]
+
+    def _found_along(self, given: tuple[Array, ...]) -> list[Step]:
+        """Complete directions, and the tangents of udot."""
+        w, found_dudot = self.w, self.dudot.called("found_dudot")
+        if given:
+            return [*w.along, Bind(self.dudot, found_dudot), w.seeded]
+        return [*w.along, Own(found_dudot), Bind(self.dudot, found_dudot), w.balance]
+
+    def _right_sides(self, given: tuple[Array, ...]) -> list[Step]:
+        """Right sides for the tangents of the virtual motion and of its multipliers."""
+        of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
+        side, gap_side = self.side.tangent(), self.gap_right.called("dgap_side")
+        return [Combine(side, (), (of_mass, *given[:1])), Combine(gap_side, (), (of_gaps,))]
 
     @property
     def wrench(self) -> Array:

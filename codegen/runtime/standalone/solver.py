@@ -1163,8 +1163,8 @@ class Solver(Package):
     ) -> InverseDynamicsProducts:  # fmt: skip
         """Return products of the Hessian of ``sum_i weights_i force_i`` with directions, exact to rounding.
 
-        The forces are those of `inverse_dynamics`. The function is generated on request, with ``--functions``, for
-        models without loops.
+        The forces are those of `inverse_dynamics`; with loops, those along the n independent speeds. The function is
+        generated on request, with ``--functions``.
 
         Parameters
         ----------
@@ -1172,7 +1172,7 @@ class Solver(Package):
             Coordinates, speeds and their derivatives, SI units and radians.
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
-        weights : array_like (..., nu)
+        weights : array_like (..., nu), with loops (..., n)
             Weights of the entries of the force.
         dq, du, dudot, dp, dinputs, dt : array_like (k, ..., nq), (k, ..., nu), and so on, optional
             Entries of k directions; those left out are zero. At least one is needed.

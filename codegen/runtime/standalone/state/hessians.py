@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,29 @@ class Hessians(Room):
         self, given: tuple[Any, ...], seeds: tuple[Any, ...], out: Any = None
     ) -> InverseDynamicsProducts:
         """See `Solver.inverse_dynamics_hessian_products`."""
+        if self.closure_names:
+            given = (*given[:-1], self._of_all_speeds(given[-1]))
         return InverseDynamicsProducts(*self._computed("inverse_dynamics", given, seeds, out))
+
+    def _of_all_speeds(self, weights: Any) -> Any:
+        """Weights of all speeds, from those of independent speeds."""
+        names = self.independent_speed_names
+        if isinstance(weights, Mapping):
+            for name in weights:
+                if name in self.speed_names and name not in names:
+                    raise ValueError(
+                        f"weights: {name!r} is a dependent speed, along which the inverse dynamics has no force; "
+                        f"choose among {', '.join(names)}"
+                    )
+            return weights
+        given = np.asarray(weights)
+        if given.shape[-1:] != (len(names),):
+            raise ValueError(
+                f"weights has shape {given.shape}, expected (..., {len(names)}): one for each independent speed"
+            )
+        found = np.zeros((*given.shape[:-1], len(self.speed_names)), given.dtype)
+        found[..., [self.speed_names.index(n) for n in names]] = given
+        return found
 
     def of_assembled(
         self, given: tuple[Any, ...], weights_q: Numbers, weights_u: Numbers, seeds: tuple[Any, ...]
