@@ -384,7 +384,7 @@ class SecondOrder:
         of = self.originals[sweep.name][kind.index]
         x = self._expansion(sweep, kind, along_name(sweep.name), of.block)
         further: Further = partial(rotation, kind) if isinstance(kind, LinkKind) and sweep.name == "pose" else nothing
-        recalled = of.recalled | (self._stored(sweep, kind, of) if self.system.model.loops else {})
+        recalled = of.recalled | self._stored(sweep, kind, of)
         found = along(x, tangent_of, partial(_primitives, kind), of.equal, recalled, further=further)
         for store, name, e in found.stores:
             if store.memory is TANGENT and e is not algebra.ZERO:
