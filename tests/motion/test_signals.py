@@ -93,6 +93,13 @@ def test_signals_by_name_may_each_be_of_another_kind() -> None:
         assert error(found, np.stack([kinds[k][1] for k in chosen], axis=1)) < 1e-10, chosen
 
 
+@pytest.mark.parametrize("names", [(), NAMES])
+def test_inputs_of_another_version_say_so(names: tuple[str, ...]) -> None:
+    later = type("Inputs", (), {})()
+    with pytest.raises(ValueError, match="this Inputs belongs to another version of ordernm than the solver's package"):
+        take_inputs(names, later)
+
+
 @pytest.mark.parametrize("before", [False, True])
 @pytest.mark.parametrize("degree", range(6))
 def test_inputs_at_many_times_are_those_of_single_times(degree: int, before: bool) -> None:

@@ -359,6 +359,17 @@ def name_or_names(what: str, asked: Any) -> tuple[Any, ...]:
         raise ValueError(f"{what} is {asked!r}, expected a name or a sequence of names") from None
 
 
+def of_another_version(given: Any, known: Any) -> str:
+    """Text of a message if an object's class has a known name but belongs to another version of ordernm; otherwise
+    empty."""
+    if type(given).__name__ not in {kind.__name__ for kind in known}:
+        return ""
+    return (
+        f"; this {type(given).__name__} belongs to another version of ordernm than the solver's package: generate the "
+        f"package again"
+    )
+
+
 def has_none(what: str) -> str:
     """The end of a message about an argument for which the model has no entries."""
     nouns = {"p": "parameters", "inputs": "inputs", "outputs": "outputs"}

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from ....html_tables import html_of
 from ..arrays import Array
-from ..calls.arguments import no_output
-from ..trajectory.events import Event, of_another_version, take_events
+from ..calls.arguments import no_output, of_another_version
+from ..trajectory.events import Event, take_events
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from ..calls.arguments import has_none, some, unknown
+from ..calls.arguments import has_none, of_another_version, some, unknown
 from .inputs import Inputs, Linear
 from .splines import MOST_DEGREE, Rewritten, Through, common_knots, knots_through, pieces, spline_values
 
@@ -107,6 +107,8 @@ def take_inputs(
     places = tuple(names.index(n) for n in moving)
     if isinstance(given, Inputs):
         return given
+    if older := of_another_version(given, [Inputs]):
+        raise ValueError(f"inputs are of another class{older}")
     if given is None:
         return Inputs(0, None, np.zeros((1, len(names))), places)
     if isinstance(given, Mapping):

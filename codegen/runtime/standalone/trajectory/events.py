@@ -11,7 +11,7 @@ import numpy as np
 
 from ....html_tables import html_of, shapes_of
 from ..arrays import Array
-from ..calls.arguments import no_output
+from ..calls.arguments import no_output, of_another_version
 
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
@@ -124,17 +124,6 @@ def crossings_of(
         }
         found.append(Crossing(Event(*event), float(row[0]), pace=float(row[1]), **parts))
     return tuple(found)
-
-
-def of_another_version(given: Any, known: Any) -> str:
-    """Text of a message if an object's class has a known name but belongs to another version of ordernm; otherwise
-    empty."""
-    if type(given).__name__ not in {kind.__name__ for kind in known}:
-        return ""
-    return (
-        f"; this {type(given).__name__} belongs to another version of ordernm than the solver's package: generate the "
-        f"package again"
-    )
 
 
 def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
