@@ -137,8 +137,7 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
 
 
 def _verdict(report: Any) -> int:
-    bad = {name: e for name, e in report.errors.items() if not e <= report.agreement}
-    if bad:
+    if bad := report.disagreeing:
         _problem(f"the results differ from those of the generic engine: {bad}; please report this with the model")
         return NUMBERS_FAILED
     return OK

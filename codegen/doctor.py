@@ -68,7 +68,7 @@ def _compiler() -> list[str]:
 
 
 def _compiles() -> tuple[bool, list[str]]:
-    """Whether a small solver compiles, and lines that say so."""
+    """Whether a small solver compiles and agrees with the generic engine, and lines that say so."""
     from .generation import generate
     from .model import parse_model
     from .runtime.standalone.errors import CompileError, NoCompilerError, PackageError, TargetsDifferError
@@ -76,10 +76,15 @@ def _compiles() -> tuple[bool, list[str]]:
 
     with tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True) as folder:
         try:
-            generate(parse_model(text_of(DEFAULT, "doctor")), Path(folder, "doctor"))
+            report = generate(parse_model(text_of(DEFAULT, "doctor")), Path(folder, "doctor"), check=True)
         except (NoCompilerError, CompileError, PackageError, TargetsDifferError, OSError) as error:
             return False, [f"a solver does not compile: {error}", "packages compute with NumPy until it does (slower)"]
-    return True, ["a solver compiles"]
+    if report.disagreeing:
+        return False, [
+            f"a solver compiles, but its results differ from those of the generic engine: {report.disagreeing}",
+            "look for options of the compiler in CC and ORDERNM_CFLAGS that change results, such as -ffast-math",
+        ]
+    return True, ["a solver compiles, and agrees with the generic engine"]
 
 
 def _extras() -> list[str]:

@@ -96,6 +96,11 @@ class Report:
         counts = [self.operations[s][per] for s in self.sweeps[function]]
         return sum(n for of in counts for name, n in of.items() if name != "functions")
 
+    @property
+    def disagreeing(self) -> dict[str, float]:
+        """The entries of `errors` above `agreement`, or not a number."""
+        return {name: e for name, e in self.errors.items() if not e <= self.agreement}
+
     def __repr__(self) -> str:
         errors = ", ".join(f"{name} {e:.1e}" for name, e in self.errors.items())
         return (

@@ -6,6 +6,7 @@ import pty
 import re
 import shutil
 import subprocess
+from types import SimpleNamespace
 
 import pytest
 
@@ -43,11 +44,16 @@ def test_the_doctor_says_what_is_missing(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(
         "codegen.doctor.EXTRAS", {"plot": (("no_such_module",), "curves"), "other": (("json",), "nothing")}
     )
-    monkeypatch.setattr("codegen.generation.generate", lambda *a, **k: None)
-    assert cli.main(["doctor"]) == 0
+    asked, report = {}, SimpleNamespace(disagreeing={})
+    monkeypatch.setattr("codegen.generation.generate", lambda *a, **named: asked.update(named) or report)
+    assert cli.main(["doctor"]) == 0 and asked["check"]
     out = capsys.readouterr().out
     assert 'plot        curves: missing: pip install "ordernm[plot]"' in out and "other       nothing: installed" in out
-    assert "a solver compiles" in out
+    assert "a solver compiles, and agrees with the generic engine" in out
+
+    report.disagreeing = {"udot": 0.1}
+    assert cli.main(["doctor"]) == 3
+    assert "its results differ from those of the generic engine: {'udot': 0.1}" in capsys.readouterr().out
 
     def broken(*given, **named):
         raise CompileError("cc: no such thing")

@@ -11,6 +11,7 @@ import ordernm
 from codegen.runtime.standalone.display.picture import view_of
 from codegen.runtime.standalone.display.poses import Poses, quaternions
 from codegen.runtime.standalone.display.scene import scene_of
+from codegen.runtime.standalone.display.views import single_coordinates
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -245,3 +246,15 @@ def test_rates_of_animations_are_positive(solver, tmp_path):
                              parameter_names=solver.parameter_names)  # fmt: skip
     with pytest.raises(ValueError, match="rate is 0; a positive number of frames per second is needed"):
         run.animate(tmp_path / "run.gif", solver, rate=0)
+
+
+@pytest.mark.parametrize("name", ["satellite", "quadrotor"])
+def test_sliders_move_every_coordinate_but_those_of_quaternions(name, tmp_path):
+    ordernm.generate(
+        EXAMPLES / f"{name}.yaml", tmp_path / name, target="numpy", functions="accelerations", compile=False
+    )
+    solver = ordernm.load(tmp_path / name)
+    moved = single_coordinates(solver, solver._manifest["quaternions"])
+    components = {n for n in solver.coordinate_names if n.endswith((".qw", ".qx", ".qy", ".qz"))}
+    assert set(moved) == set(solver.independent_names) - components
+    assert any(n.endswith(".px") for n in moved)

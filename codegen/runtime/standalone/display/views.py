@@ -199,6 +199,13 @@ def _thinned(count: int) -> Any:
     return np.linspace(0, count - 1, MOST_RESULTS).round().astype(int)
 
 
+def single_coordinates(package: Any, quaternions: Sequence[int]) -> list[str]:
+    """Independent coordinates that a slider may change alone: all but the components of quaternions, whose first
+    components have the given indices."""
+    components = {package.coordinate_names[i + k] for i in quaternions for k in range(4)}
+    return [n for n in package.independent_names if n not in components]
+
+
 class StateView:
     """A view of one state with sliders for independent coordinates and design parameters; loops stay closed.
 
@@ -220,8 +227,7 @@ class StateView:
         package: Any = views.package
         self.viewer = Viewer(package.name, *self._shown(), folder, port, arrows)
         add_choices(self.viewer)
-        quaternions = {i + k for i in views._manifest["quaternions"] for k in range(-3, 1)}
-        names = [n for n in package.independent_names if package.coordinate_names.index(n) not in quaternions]
+        names = single_coordinates(package, views._manifest["quaternions"])
         self.places = [package.coordinate_names.index(n) for n in names]
         units = [views._manifest["coordinate_units"][i] for i in self.places]
         values = arrays["q"][self.places]
