@@ -180,7 +180,12 @@ def recorded(tmp_path, monkeypatch):
     )
     Path("large.yaml").write_text(f"model: large\nbodies:\n{bodies.replace('fixed', '{type: revolute, axis: z}')}\n")
     report = SimpleNamespace(
-        errors={}, remarks=[], name="swing", folder="x", lines=lambda *a: calls.append(f"lines {a}") or []
+        errors={},
+        disagreeing={},
+        remarks=[],
+        name="swing",
+        folder="x",
+        lines=lambda *a: calls.append(f"lines {a}") or [],
     )
     monkeypatch.setattr("codegen.generation.generate", keep("generate", report))
     still = Trajectory("still", [0.0, 1.0], np.zeros((2, 1)), np.zeros((2, 1)), coordinate_names=("rod",), speed_names=("rod",),

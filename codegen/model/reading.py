@@ -36,7 +36,7 @@ _EXPRESSION: Final = TypeAdapter(Expr)
 _VECTOR: Final = TypeAdapter(entries.Vector)
 
 
-SWITCHED = ("expressions", "forces", "outputs")
+SWITCHED = ("expressions", "forces", "motion", "outputs")
 """Sections whose expressions may change branches without a warning, because motions locate these changes."""
 
 

@@ -125,6 +125,12 @@ def test_a_model_with_a_kink_is_refused_with_its_place(motion: str, says: str) -
     assert len(errors) == 1 and errors[0].line == 13 and errors[0].path == "motion.cart"
 
 
+@pytest.mark.parametrize("motion", ["if(t < 1, t**3, 3*t - 2 + 3*(t - 1)**2)", "if(t > 1, rise*(t - 1)**2, 0)"])
+def test_pieces_that_meet_with_equal_velocity_are_read_without_a_warning(motion: str) -> None:
+    warned = parse_model(CART.replace("MOTION", motion)).warnings
+    assert not [w for w in warned if "motion" in w], warned
+
+
 def test_a_cubic_table_that_goes_on_as_it_ends_is_allowed(tmp_path: Path) -> None:
     codegen.generate(
         parse_model(CART.replace("MOTION", "smooth(t)")), tmp_path / "smooth", functions="motion", compile="all"
