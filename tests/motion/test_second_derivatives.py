@@ -435,7 +435,10 @@ def test_loops_equal_differences_of_gradients_in_40_digits(four_bar: codegen.Sol
 
 @pytest.mark.parametrize("method", [{"integrator": "rk4", "step": 0.003}, {"rtol": 1e-12, "atol": 1e-12}])
 def test_independents_that_change_on_the_way(tmp_path: Path, method: Any) -> None:
-    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent."""
+    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent.
+
+    Near the dead point, rounding errors are multiplied by the condition number of the loop, about 30, and its square.
+    """
     text = (EXAMPLES / "slider_crank.yaml").read_text()
     for old, new in {
         "independent: [wheel]": "independent: [piston]", "u: {wheel: 20.0}": "u: {piston: -2.0}",
@@ -461,7 +464,7 @@ def test_independents_that_change_on_the_way(tmp_path: Path, method: Any) -> Non
 
     x = np.array([0.15, 0.5, 0.02, q0[place], u0[place], 0.5])
     fixed = "step" in method
-    same_as_differences(judge, x, np.full(6, 2e-6 if fixed else 1e-4), 1e-8 if fixed else 1e-6)
+    same_as_differences(judge, x, np.full(6, 2e-6 if fixed else 1e-4), 1e-8 if fixed else 1e-6, 1e-11)
 
 
 def test_a_platform_of_three_arms(tmp_path: Path) -> None:

@@ -101,7 +101,10 @@ def test_prescribed_motion_that_follows_an_input(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("time", "more"), [("before", ""), ("after", ",output_hessian_products")])
 def test_loops_before_and_after_a_change_of_independents(tmp_path: Path, time: str, more: str) -> None:
-    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent."""
+    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent.
+
+    Near the dead point, rounding errors are multiplied by the condition number of the loop, about 30, and its square.
+    """
     text = (EXAMPLES / "slider_crank.yaml").read_text()
     for old, new in {
         "independent: [wheel]": "independent: [piston]", "u: {wheel: 20.0}": "u: {piston: -2.0}",
@@ -126,7 +129,7 @@ def test_loops_before_and_after_a_change_of_independents(tmp_path: Path, time: s
         assert (found.values[0] > 0.15) == (time == "after")
         return found
 
-    same_as_differences(judge, np.array([0.15, 0.5, 0.02, q0[place], u0[place], 0.5]), np.full(6, 1e-4), 1e-6)
+    same_as_differences(judge, np.array([0.15, 0.5, 0.02, q0[place], u0[place], 0.5]), np.full(6, 1e-4), 1e-6, 1e-11)
 
 
 def test_events_at_which_an_output_jumps_are_refused(falling: codegen.Solver) -> None:

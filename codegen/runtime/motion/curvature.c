@@ -80,7 +80,7 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
             if ((status = ordernm_close_and_keep(c, m->t, m->z, c->found->states + c->next*record))) return status;
             ++c->next;
         }
-        status = m->radau ? ordernm_radau_step_along(c, steps, to, stages, nodes) : ordernm_explicit_along(c, h, to, stages, nodes);
+        status = m->radau ? ordernm_radau_step_along(c, steps, to, stages, nodes) : ordernm_explicit_along(c, steps, to, stages, nodes);
         if (status) return status;
         ordernm_exchange(&m->z, &m->next);
     }

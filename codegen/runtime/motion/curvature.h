@@ -48,7 +48,7 @@ static inline int ordernm_some(const scalar *x, long n)
 const scalar *ordernm_coordinates_of(const ordernm_curvature *c, const scalar *record);
 void ordernm_unpack(const ordernm_curvature *c, const scalar *z, scalar *to);
 void ordernm_pack(const ordernm_curvature *c, const scalar *from, scalar *z);
-int ordernm_rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, scalar *to);
+int ordernm_rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, int stage, scalar *to);
 int ordernm_close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *to);
 int ordernm_gradients_along(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu,
     int values);
@@ -60,7 +60,7 @@ void ordernm_samples_back(ordernm_curvature *c, scalar h, void (*weights)(scalar
 
 /* explicit_curvature.c, radau_curvature.c: a step from m->z to m->next with the records of its stages, and times and weights of integrands;
  * the step back, where integrands are the sources at its stages, or 0 */
-int ordernm_explicit_along(ordernm_curvature *c, scalar h, scalar until, scalar *records, scalar *nodes);
+int ordernm_explicit_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes);
 int ordernm_explicit_along_back(ordernm_curvature *c, scalar h, const scalar *records, const scalar *integrands);
 int ordernm_radau_step_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes);
 int ordernm_radau_along_back(ordernm_curvature *c, scalar h, const scalar *records, const scalar *integrands);

@@ -10,19 +10,31 @@
 
 #include <string.h>
 
-int ordernm_explicit_along(ordernm_curvature *c, scalar h, scalar until, scalar *records, scalar *nodes)
+/* Writes the dependent coordinates of a stage after the first, which are stored with the step, to its state. */
+static void take_closed(const ordernm_motion *m, const scalar *step, int stage, scalar *z)
 {
+    const long state = m->ny + m->nx + m->nd, nq = m->system->nq;
+    const scalar *const q = step + m->head + stage*(state + nq) + state - nq;
+    for (int i = 0; i < m->nd; ++i) z[m->ny + m->nx + i] = q[m->dependent[i]];
+}
+
+int ordernm_explicit_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes)
+{
+    const scalar h = step[1];
     ordernm_motion *const m = c->motion;
     const scheme *const method = m->method;
     const row *const end = method->rows + method->stages;
     const long record = ordernm_hessians_record(c);
     const int within = c->next < c->found->ntimes && c->found->times[c->next] <= until;
     int status;
+    m->precise_stages = (unsigned)step[2];
     for (int i = 0; i < (within ? c->all : method->stages); ++i) {
         const row *const r = method->rows + i;
         if (i) ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
-        const scalar *const z = i ? m->trial : m->z;
-        if ((status = ordernm_rates_and_keep(c, m->t + method->times[i]*h, z, m->rate[i], records + i*record))) return status;
+        scalar *const z = i ? m->trial : m->z;
+        const int stored = i < method->stages ? i : -1;
+        if (stored > 0 && !m->identity) take_closed(m, step, i, z);
+        if ((status = ordernm_rates_and_keep(c, m->t + method->times[i]*h, z, m->rate[i], stored, records + i*record))) return status;
         nodes[2*i] = m->t + method->times[i]*h;
     }
     if (within && (status = ordernm_states_within(c, h, until))) return status;

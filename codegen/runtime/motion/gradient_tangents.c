@@ -56,14 +56,16 @@ static void keep(const ordernm_curvature *c, const scalar *z, scalar *to)
     if (!m->identity) memcpy(to + size_of_rows(c), m->q, m->system->nq*sizeof(scalar));
 }
 
-/* Rates at a stage, and its record. With loops, m->dudot contains the tangents of udot only until the next group is computed. */
-int ordernm_rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, scalar *to)
+/* Rates at a stage of a stored step whose loops are closed, and its record; with a negative number of the stage, closes the loops. With
+ * loops, m->dudot contains the tangents of udot only until the next group is computed. */
+int ordernm_rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, int stage, scalar *to)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
     scalar *dudot = to + rates_at(c);
+    const int closed = stage < 0 ? 0 : m->precise_stages >> stage & 1u ? KNOWN_CLOSED | PRECISE : KNOWN_CLOSED;
     for (group *g = m->groups; g < m->groups + m->ngroups; dudot += s->nu*g++->width) {
-        const int status = ordernm_rates_of(m, t, z, rate, 1, g, RATES);
+        const int status = ordernm_rates_of(m, t, z, rate, 1, g, RATES | closed);
         if (status) return status;
         memcpy(dudot, m->identity ? rate + g->at + s->nq*g->width : m->dudot, s->nu*g->width*sizeof(scalar));
     }

@@ -46,7 +46,7 @@ int ordernm_radau_step_along(ordernm_curvature *c, const scalar *step, scalar un
     for (int i = 0; i < STAGES && !status; ++i) {
         const scalar t = ordernm_time_of_stage(m->t, h, i);
         for (long k = 0; k < m->size; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
-        status = ordernm_rates_and_keep(c, t, m->trial, m->rate[1 + i], records + i*record);
+        status = ordernm_rates_and_keep(c, t, m->trial, m->rate[1 + i], i, records + i*record);
         nodes[2*i] = t, nodes[2*i + 1] = h*A[STAGES - 1][i];
     }
     if (!status) status = ordernm_states_within(c, h, until);
