@@ -313,7 +313,10 @@ def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) 
 
 
 def _choose(program: Program, linked: list[_Links]) -> None:
-    """For a value with two expressions, chooses the first if its operands are needed anyway and it costs no more."""
+    """For a value with two expressions, chooses the second if the first has operands that nothing else needs.
+
+    Also chooses the second if it costs less and all of its operands are needed anyway.
+    """
     if not any(of.block.otherwise for of in linked):
         return
     needed = _needed(program, linked)

@@ -74,7 +74,7 @@ class Assignment:
         The statement's equation in the paper, such as ``Eq. 45``; ``d Eq. 45`` is its derivative, ``T d Eq. 45`` the
         transpose of this derivative; or words that docs/theory.md explains.
     is_primitive : bool
-        Whether the statement is the derivative of another statement by one of its operands (Eq. 10).
+        Whether the statement is the derivative of another statement with respect to one of its operands (Eq. 10).
     each_direction : bool
         Whether the statement is computed for each direction of derivatives.
     adds : bool
