@@ -28,7 +28,7 @@ from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
 from .slopes import regular
 from .surfaces import COORDINATES
-from .units import Dimension, DimensionError, dimension_of, in_words
+from .units import Dimension, DimensionError, Frequency, dimension_of, in_words
 from .unknown_names import column_of, is_measured, unknown_name
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
 
@@ -150,10 +150,13 @@ class Reader(Problems):
         """Whether the units of an expression agree with the dimension that is required at its place."""
         found = self.dimension(expression, at, sub)
         wanted = self.unit_wanted(at, sub)
-        if found is None or wanted is None or found == wanted:
+        angular = isinstance(found, Frequency) and wanted == found  # 1/s is required of angular rates only
+        if found is None or wanted is None or (found == wanted and not angular):
             return True
         message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
-        if has_factors(expression.tree):
+        if angular:
+            message += "; write rev/s for turns per second, or rad/s"
+        elif has_factors(expression.tree):
             message += "; a number without a unit counts as a factor, so give it a unit"
         if not _is_said(expression):
             self.report(at, sub, message)

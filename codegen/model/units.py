@@ -28,6 +28,12 @@ class Dimension(NamedTuple):
         return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
 
 
+class Frequency(Dimension):
+    """Dimension of a number in Hz alone. It equals that of an angular rate, 1/s, but is never meant as one."""
+
+    __slots__ = ()
+
+
 NONE: Final = Dimension()
 _FORCE, _ENERGY, _POWER = Dimension(1, 1, -2), Dimension(2, 1, -2), Dimension(2, 1, -3)
 
@@ -44,7 +50,9 @@ _SIZES: Final[dict[Dimension, dict[str, str | int | Fraction]]] = {
     NONE: {"rad": 1, "mrad": "0.001", "deg": PI / 180, "rev": 2 * PI},
 }  # fmt: skip
 UNITS: Final[dict[str, tuple[Fraction, Dimension]]] = {
-    name: (Fraction(size), dimension) for dimension, names in _SIZES.items() for name, size in names.items()
+    name: (Fraction(size), Frequency(*dimension) if name == "Hz" else dimension)
+    for dimension, names in _SIZES.items()
+    for name, size in names.items()
 }
 """SI value and dimension of every unit."""
 
@@ -96,7 +104,8 @@ def unit_at(text: str, start: int) -> tuple[Fraction, Dimension, int]:
         if abs(exponent) > 9:
             raise UnitError(f"{name}**{power} is not allowed; powers of units go up to 9")
         own, of = UNITS[name]
-        size, dimension, end = size * own**exponent, dimension.times(of, exponent), start + part.end()
+        dimension = of if end == start and exponent == 1 else dimension.times(of, exponent)
+        size, end = size * own**exponent, start + part.end()
     if end == start:
         name = re.compile(r"\w*").match(text, start).group()  # type: ignore[union-attr]
         raise UnitError(f"{name!r} is not a unit; units are {', '.join(UNITS)}{nearest(name, UNITS)}")
@@ -114,6 +123,8 @@ def unit_of(text: str) -> tuple[Fraction, Dimension] | None:
 
 def in_words(dimension: Dimension) -> str:
     """Description of a dimension, such as ``a length (m)``."""
+    if isinstance(dimension, Frequency):
+        return "a frequency (Hz)"
     if dimension in _NAMES:
         what, unit = _NAMES[dimension]
         return f"{what} ({unit})"
@@ -122,6 +133,8 @@ def in_words(dimension: Dimension) -> str:
 
 def in_units(dimension: Dimension) -> str:
     """The SI unit of a dimension, such as ``kg*m**2/s``."""
+    if isinstance(dimension, Frequency):
+        return "Hz"
     if dimension in _NAMES:
         return "" if dimension == NONE else _NAMES[dimension][1]
     exponents = [("kg", dimension.mass), ("m", dimension.length), ("s", dimension.time)]
