@@ -157,7 +157,7 @@ def run_check(options: argparse.Namespace, status: StatusLine) -> int:
     from .summary import counted, first
 
     model = _load(options.model, status)
-    choice = _choice(model, options.model, status)
+    choice = _choice(model, options.model, status, expand=True)
     status.close()
     warnings = first(model.warnings, PROBLEMS, "warning: {} more like these")
     sizes = ", ".join((counted(len(model.bodies), "body", "bodies"), counted(model.nq, "coordinate"),
@@ -174,9 +174,14 @@ def _load(file: str, status: StatusLine) -> Any:
     return load_model(file)
 
 
-def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) -> list[str]:
-    """The choice of dependent coordinates as text, with regions on request; ModelError if loops cannot be closed."""
+def _choice(model: Any, file: str, status: StatusLine, regions: bool = False, expand: bool = False) -> list[str]:
+    """The choice of dependent coordinates as text, with regions on request.
+
+    Raises ModelError if loops cannot be closed, or, with `expand`, if the model has no solver for another reason.
+    """
     if not model.loops:
+        if expand:
+            _expand(model, None, status)
         return []
     from .loops.description import describe
     from .loops.errors import AssemblyError, PartitionError
@@ -190,11 +195,20 @@ def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) ->
         lines = first(describe(model, chosen), PROBLEMS, "and {} lines more")
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
+    if expand:
+        _expand(model, chosen, status)
     if not regions:
         return lines
     from .mechanics.structure.description import describe_regions
 
     return lines + describe_regions(model, chosen)
+
+
+def _expand(model: Any, chosen: Any, status: StatusLine) -> None:
+    from .pipeline import look_ahead
+
+    status("expanding", 0, 0)
+    look_ahead(model, chosen)
 
 
 def run_show(options: argparse.Namespace, status: StatusLine) -> int:

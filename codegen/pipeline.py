@@ -125,6 +125,22 @@ def write_solver(
             raise ModelError([model.problem(error.place, f"{model.name}, {error}")]) from None
 
 
+@expressions_kept()
+@collector_paused()
+def look_ahead(model: Model, chosen: Partition | None) -> None:
+    """Raises `ModelError` if a model has no solver: expands it as `write_solver` does, for accelerations only."""
+    _look_at_freedoms(model)
+    if chosen is not None:
+        model = model.with_turned(chosen.turned)
+    expanded(laid_out(model, "auto", chosen, turning=True)[0], False, functions=("accelerations",))
+
+
+def _look_at_freedoms(model: Model) -> None:
+    """Raises `ModelError` if nothing can move."""
+    if not model.nu and not model.prescribed:
+        raise ModelError([model.problem("bodies", "no joint has a degree of freedom, so nothing can move")])
+
+
 def _look_at_defaults(model: Model, scalar: Scalar) -> None:
     """Raises `UnwritableError` if the scalar type cannot hold the default of a parameter."""
     for parameter in model.parameters:
@@ -155,8 +171,7 @@ def _written(
         seconds[stage] = now - clock
         clock = now
 
-    if not model.nu and not model.prescribed:
-        raise ModelError([model.problem("bodies", "no joint has a degree of freedom, so nothing can move")])
+    _look_at_freedoms(model)
     if model.loops and chosen is None:
         chosen = _dependents(model, progress)
         lap("partition")

@@ -310,6 +310,20 @@ def test_a_package_that_could_not_be_checked_says_why(here, capsys):
     assert "warning: not checked against the generic engine: at the initial configuration loop pin has lost rank" in out
 
 
+def test_check_refuses_what_generate_refuses(here, capsys):
+    Path("light.yaml").write_text(
+        bars(1.5, "a", "q: {a: -1, b: 1, c: 1}").replace("mass: 1, com: [0.4, 0, 0]", "mass: 0")
+    )
+    errors = []
+    for run in (lambda: main(["check", "light.yaml"]), lambda: generate_main(["light.yaml", "--no-compile"])):
+        assert run() == 1
+        errors.append(capsys.readouterr().err)
+    assert (
+        errors[0] == errors[1]
+        and "nothing that moves with a has inertia; give the bodies of the loops mass" in errors[0]
+    )
+
+
 def test_initial_values_that_do_not_close_are_told(here, capsys):
     Path("bars.yaml").write_text(bars(1.5, "a", "q: {a: -1, b: 1, c: 1}, u: {a: 2, b: 17}"))
     assert main(["check", "bars.yaml"]) == 0
