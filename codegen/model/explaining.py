@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, shown
 from .errors import nearest
 from .forces import OTHER_WORDS
+from .grammar import DECIMAL_POINT
 from .joints import JOINTS
 from .positions import Path_
 from .schema import JointEntry, LoopJointEntry, ShapeEntry
@@ -165,6 +166,8 @@ def _unknown_key(key: str, here: type[Entry]) -> str:
         return f"{key!r} is not a key of a loop's joint; write it in from or to: from: {{body: arm, {key}: ...}}"
     correct = here.misspelt.get(key)
     hint = f"; did you mean {correct!r}?" if correct else nearest(key, _fields(here))
+    if key[:1].isdigit():
+        hint = DECIMAL_POINT  # YAML ends the value 0,6 at its comma
     return f"unknown key {key!r}; keys here: {_keys(here)}{hint}"
 
 

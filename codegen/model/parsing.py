@@ -13,6 +13,7 @@ from .expressions import Expression, canonical
 from .grammar import (
     AT_LEAST,
     CHOICE,
+    DECIMAL_POINT,
     EXACT,
     FUNCTIONS,
     MAX_DEPTH,
@@ -39,6 +40,15 @@ _BINARY = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "**": 4}
 _UNARY = 3
 _COMPARED = ("<", "<=", ">", ">=")
 _WORDS = ("and", "or", "not")
+_CONDITIONAL = ("if", "then", "else", "elif")
+_CHOICE = f"a choice is written {WRITTEN_OUT['if']}"
+_LEADING_ZERO = re.compile(r"0[0-9]")
+
+
+def decimal_comma(text: str, at: int) -> str:
+    """A hint if the comma at a place of a text has digits on both sides; otherwise empty."""
+    between = text[max(at - 1, 0) : at + 2]
+    return DECIMAL_POINT if re.fullmatch("[0-9],[0-9]", between) else ""
 
 
 def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
@@ -84,7 +94,10 @@ def parse(text: str) -> Expression:
         if parser.token == ")":
             parser.fail("a closing parenthesis without an opening one; remove it")
         if parser.token == ",":
-            parser.fail("a comma outside a function's parentheses; remove it")
+            hint = decimal_comma(text, parser.start) or "; remove it"
+            parser.fail(f"a comma outside a function's parentheses{hint}")
+        if parser.token in (*_COMPARED, *_CONDITIONAL) or text[: parser.start].split()[-1:] == ["if"]:
+            parser.fail(f"{parser.token!r} follows a complete expression; {_CHOICE}")
         after_name = parser.kind == "number" and text[parser.start - 1].isalpha()
         power = f"; a power is written **, as in m**{parser.token}" if after_name else ""
         parser.fail(
@@ -117,6 +130,7 @@ class _Parser:
                     "=": "; an expression has no equals sign",
                     "'": "; an expression has no quotes",
                     '"': "; an expression has no quotes",
+                    "?": f"; {_CHOICE}",
                 }.get(self.token, "; an expression has numbers, names, + - * / ** ( ) and functions")
                 self.fail(f"character {self.token!r}{hint}")
             self.end = match.end()
@@ -159,6 +173,8 @@ class _Parser:
     def operand(self, nesting: int) -> tuple[Tree, int]:
         start, token = self.start, self.token
         if self.kind == "number":
+            if _LEADING_ZERO.match(token):
+                self.leading_zero(token)
             self.advance()
             return (
                 self.quantity(token, start)
@@ -189,12 +205,20 @@ class _Parser:
             )
         self.advance()
 
+    def leading_zero(self, token: str) -> NoReturn:
+        """Reports a number with a leading zero: other programs read 010 as 8 or as 10."""
+        digits = token.lstrip("0")
+        plain = digits if digits[:1].isdigit() else f"0{digits}"
+        fraction = f", or 0.{token[1:]} with a decimal point" if token.isdigit() and digits else ""
+        message = f"number {token} begins with 0; write {plain}{fraction}"
+        self.fail(message if len(token) < 30 else f"number {token[:27]}... begins with 0; remove the leading zeros")
+
     def number(self, token: str, start: int) -> Tree:
         value = float(token)
         if math.isinf(value):
             self.fail(f"number {token if len(token) < 30 else token[:27] + '...'} is too large; up to 1.8e308", start)
         if value != 0 and abs(value) < EXACT and token.isdigit():
-            return ("number", int(value))  # exact, while int(token) would reject thousands of leading zeros
+            return ("number", int(value))
         return ("number", canonical(value))
 
     def quantity(self, token: str, start: int) -> Tree:
@@ -202,6 +226,8 @@ class _Parser:
         try:
             size, dimension, end = unit_at(self.text, self.start)
         except UnitError as error:
+            if self.token in _CONDITIONAL:
+                self.fail(f"{self.token!r} follows a complete expression; {_CHOICE}")
             self.fail(f"an operator + - * / ** is missing between the number and {self.token!r}; {error}")
         value = float(token)
         if 0 < value < math.inf:
@@ -252,9 +278,11 @@ class _Parser:
         self.close(opened)
         needed, many = FUNCTIONS[name], TABLE[name].many
         if len(arguments) != needed and not (many and len(arguments) > needed):
+            commas = (self.text.find(",", k) for k in range(opened, self.start))
+            hint = next((h for k in commas if (h := decimal_comma(self.text, k))), "")
             self.fail(
                 f"{name} with {len(arguments)} argument{'s' * (len(arguments) > 1)}; "
-                f"it takes {'at least ' * many}{needed}",
+                f"it takes {'at least ' * many}{needed}{hint}",
                 start,
             )
         if not many:

@@ -28,7 +28,7 @@ from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
 from .slopes import regular
 from .surfaces import COORDINATES
-from .units import Dimension, DimensionError, Frequency, dimension_of, in_words
+from .units import Dimension, DimensionError, Frequency, dimension_of, misfit
 from .unknown_names import column_of, is_measured, unknown_name
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
 
@@ -153,7 +153,7 @@ class Reader(Problems):
         angular = isinstance(found, Frequency) and wanted == found  # 1/s is required of angular rates only
         if found is None or wanted is None or (found == wanted and not angular):
             return True
-        message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
+        message = misfit(expression.tree, str(expression), found, wanted)
         if angular:
             message += "; write rev/s for turns per second, or rad/s"
         elif has_factors(expression.tree):

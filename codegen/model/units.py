@@ -59,6 +59,7 @@ UNITS: Final[dict[str, tuple[Fraction, Dimension]]] = {
 _FACTOR = r"[A-Za-z]+(?:(?:\*\*|\^)-?[0-9]+)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:[*/]{_FACTOR})*")
 _PART = re.compile(r"([*/]?)([A-Za-z]+)(?:(?:\*\*|\^)(-?[0-9]+))?")
+_LAST_UNIT = re.compile(r"[A-Za-z][A-Za-z0-9*/^-]*$")
 _NAMES: Final = {
     NONE: ("a plain number or an angle", "rad"),
     Dimension(1): ("a length", "m"),
@@ -141,6 +142,26 @@ def in_units(dimension: Dimension) -> str:
     parts = [unit if e == 1 else f"{unit}**{e}" for unit, e in exponents if e > 0]
     below = [f"/{unit}" if e == -1 else f"/{unit}**{-e}" for unit, e in exponents if e < 0]
     return ("*".join(parts) or "1") + "".join(below)
+
+
+def misfit(tree: Any, text: str, found: Dimension, wanted: Dimension) -> str:
+    """Message about an expression whose dimension is not the required one.
+
+    Parameters
+    ----------
+    tree : tuple
+        Tree of the parsed `Expression`.
+    text : str
+        The expression as text.
+    """
+    number = tree[1] if tree[0] == "neg" else tree
+    unit = _LAST_UNIT.search(number[3]) if number[0] == "quantity" else None
+    what = "an angle (rad)" if unit and unit.group() in _SIZES[NONE] else in_words(found)
+    message = f"{text} is {what}; {in_words(wanted)} is needed"
+    for by, time in (("/s", -1), ("/s**2", -2)):
+        if unit and found.times(Dimension(time=time)) == wanted:
+            message += f": write {text}{by}"
+    return message
 
 
 class DimensionError(ValueError):

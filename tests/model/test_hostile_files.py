@@ -98,8 +98,10 @@ def test_numbers_beyond_every_model(text: str, said: str) -> None:
 
 
 @pytest.mark.parametrize("zeros", [4999, 5001])
-def test_leading_zeros_are_read(zeros: int) -> None:
-    assert parse_model(swapped("mass: 1\n", f"mass: {zeros * '0'}7\n")).bodies[0].mass.value == 7
+def test_leading_zeros_are_refused(zeros: int) -> None:
+    (line,) = refused(swapped("mass: 1\n", f"mass: {zeros * '0'}7\n"))
+    assert line.endswith("begins with 0; remove the leading zeros")
+    assert len(line) < 200
 
 
 @pytest.mark.parametrize(
