@@ -202,7 +202,8 @@ class MjcfFiles:
                         return
 
     def weigh(self, root: Element, chain: tuple[int, ...] = ()) -> int:
-        """The number of elements of a file, counting copies; `weights` stores the number of each element."""
+        """The number of elements of a file; what is copied or included counts each time. `weights` stores the number
+        for each element with its content."""
         if id(root) in chain:
             return 0
         if id(root) in self.weights:

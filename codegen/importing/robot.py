@@ -318,7 +318,7 @@ class BodyForce:
     name : str
     text : str
     at : tuple of str
-        The marks whose names the ``{}`` are.
+        The marks, in the order of the ``{}`` that their names replace.
     """
 
     name: str

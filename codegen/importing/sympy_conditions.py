@@ -160,7 +160,7 @@ class _Conditions:
         return self.points[key]
 
     def follow(self, own: str, variable: Any) -> None:
-        """Add the coupling of a new body's coordinate to a linear expression of coordinates."""
+        """Add a coupling by which a new body's coordinate equals a linear expression of other coordinates."""
         line = self.line(variable, [q for q in self.found.scalars if variable.has(q)])
         if line is None or not line[0]:
             return

@@ -72,7 +72,7 @@ def _called(system: System, kind: UnitKind) -> tuple[str, str]:
 
 
 def unit_name(system: System, kind: Kind, member: int) -> str:
-    """Name of a member of a kind in comments."""
+    """The name by which comments call a member of a kind."""
     if isinstance(kind, RegionKind):
         return f"region of {kind.sources} sources"
     if isinstance(kind, ElementKind):

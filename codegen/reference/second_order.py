@@ -1,8 +1,9 @@
 """Numbers with a derivative along one direction, with which an engine computes the change of its gradients along that direction.
 
-A `Dual` is a value and its derivative. An engine whose numbers are duals computes each result with its derivative. Its own pairs
-differentiate again, so the derivative of a gradient is a product of the Hessian with the direction. No second derivative is
-written anywhere: `codegen.elementary` gives the derivatives of functions as formulas, which duals evaluate.
+A `Dual` is a value and its derivative. An engine whose numbers are duals computes each result with its derivative. Its
+gradients come from pairs whose entries are duals, so the derivative of a gradient is a product of the Hessian with the
+direction. No second derivative is written anywhere: `codegen.elementary` gives the derivatives of functions as
+formulas, which duals evaluate.
 """
 
 from __future__ import annotations

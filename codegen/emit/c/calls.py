@@ -68,8 +68,8 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
 
 
 def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
-    """The call of one header function. The lanes of seeds and derivatives are consecutive; their sizes are given as negative
-    numbers."""
+    """The call of one header function. In the lanes, derivatives follow the seeds. ``entries`` has the sizes of
+    results, negative for derivatives."""
     at = 0
     passed = [f"c->{a}" if a == "t" or a in _WITH_DEFAULT else f"X({a.upper()})" for a in f["arguments"]]
     entries = []

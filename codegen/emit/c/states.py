@@ -26,7 +26,7 @@ OVER_STATES = ("accelerations", "sensitivities", "sensitivities_transposed")
 """Functions that exist for several states at once."""
 
 DIRECTIONS = max(WIDTHS)
-"""Number of directions that a sweep processes in each pass, where each statement takes one direction after the
+"""Number of directions in each pass of a sweep. Lanes hold states here, so each statement takes one direction after the
 other."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")

@@ -13,7 +13,7 @@ typedef struct {
     const char *token;                /* the instantiation token of version 3.0, the GUID of version 2.0 */
     const ordernm_system *system;
     const scalar *q, *u, *p;          /* initial state with closed loops at the default parameters, and these parameters */
-    int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* initial values of the model file; 0 if they are constant */
+    int (*initial)(const scalar *p, scalar *q, scalar *u, scalar *work); /* computes initial values; NULL if they are constant */
     int (*initial_along)(const scalar *p, const scalar *dp, scalar *q, scalar *u, scalar *dq, scalar *du, scalar *work); /* derivatives */
     int at_rest;                      /* whether the initial state is the equilibrium at the default parameters */
     const char *const *variables;     /* names by value reference */

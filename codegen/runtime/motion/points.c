@@ -105,7 +105,7 @@ static scalar least_between(const scalar *y)
     return bend > 0.0 && fabs(slope) <= bend ? fmin(least, y[1] - 0.5*slope*slope/bend) : least;
 }
 
-/* Whether a singular function with the values y is zero in the step; returns the position. */
+/* Whether a singular function, with the values y at equal distances in the step, is zero there; `part` is the position. */
 static int passes(ordernm_motion *m, scalar h, int k, const scalar *y, scalar *part)
 {
     scalar size[PARTS + 1], range = 0.0, least;

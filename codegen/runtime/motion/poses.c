@@ -11,8 +11,8 @@
 /* Relative deviation from a straight line below which inverse condition numbers indicate a pose; constantly large condition numbers do not. */
 static const scalar STRAIGHT = 0.03;
 
-/* Smallest distance from a pose for stages and for the step's end, relative to the step. The widest gap between stages extends twice as
- * far on either side. A step that starts nearer must be very small. */
+/* Smallest distance of a stage, or of the step's end, from a pose, relative to the step. In the widest gap of DOP853, 0.13 is possible. The
+ * end counts because the next step starts there: the nearer to the pose, the smaller must this step be. */
 static const scalar NEAR = 0.1;
 
 /* Fits a straight line through n points, and computes its zero. Returns the sum of squares of the residuals, relative to that of the

@@ -452,8 +452,8 @@ int ordernm_arrive_at_knot(ordernm_motion *m)
     return status;
 }
 
-/* Compares the rates of a switching function that is zero at a knot of the inputs before and after the knot. If they differ and rates of
- * the state jump at the switch, it is added to m->bent. `stays`: the function remains zero. Returns the status of a function. */
+/* Where a switching function is zero at a knot of the inputs: compares its rates before and after the knot. If they differ, and rates of
+ * the state jump at the switch, the switch is added to m->bent. `stays`: the function remains zero. Returns the status of a function. */
 static int bend_at_knot(ordernm_motion *m, int k, int *stays)
 {
     scalar speed;
