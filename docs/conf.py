@@ -2,7 +2,9 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
+from sphinx.application import Sphinx
 from sphinx.util import logging
 
 from codegen.version import __version__
@@ -62,3 +64,16 @@ sphinx_gallery_conf = {
 html_theme = "furo"
 html_title = f"ordernm {release}"
 html_theme_options = {"navigation_with_keys": True}
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Registers the option ``gallery``; without it, the gallery's scripts do not run and its pages have no pictures."""
+    app.add_config_value("gallery", True, "html", bool)
+    app.connect("builder-inited", without_pictures, priority=5)  # before sphinx_gallery reads its own option
+    return {"parallel_read_safe": True}
+
+
+def without_pictures(app: Sphinx) -> None:
+    """Passes ``-D gallery=0`` to sphinx_gallery, whose ``-D plot_gallery=0`` gives warnings."""
+    if not app.config.gallery:
+        app.config.plot_gallery = False
