@@ -30,7 +30,10 @@ def explanation(error: BaseException | None) -> str:
     """The line that refers to the section of an error, or of its cause; empty if there is none."""
     if error is None:
         return ""
-    if any(problem.path == "loops" and problem.line is None for problem in getattr(error, "problems", ())):
+    problems = getattr(error, "problems", ())
+    if any(p.message.startswith("nothing ") and " has inertia" in p.message for p in problems):
+        return section("SingularJointError")
+    if any(p.path == "loops" and p.line is None for p in problems):
         return section("AssemblyError")  # loops that cannot be closed, or not with the coordinates under `independent`
     for kind in type(error).__mro__:
         if kind.__name__ in ANCHORS:
