@@ -130,6 +130,24 @@ def test_judging_what_an_event_has_ended(falling: Any) -> None:
         falling.judge(1.0, AtEvent("t", Event("z", -9.0)), wrt="g")
 
 
+def test_initial_states_by_name(four_bar: Any, recwarn: Any) -> None:
+    """Independent coordinates suffice; dependent ones that change are reported, and so are dependent speeds alone."""
+    first, *others = four_bar.coordinate_names
+    found = four_bar.simulate(0.1, {first: 0.8}, {first: 1.0})
+    assert found.q[0, 0] == 0.8 and found.u[0, 0] == 1.0 and found.closure_drift < 1e-12
+    assert not recwarn.list
+    with pytest.warns(RuntimeWarning, match="the initial state does not close the loops"):
+        four_bar.simulate(0.1, {first: 0.8, others[0]: -0.3})
+    says = rf"u: {others[0]} follow from the independent speeds \({first}\), so these values have no effect"
+    for call in (
+        lambda: four_bar.simulate(0.1, u={others[0]: 1.0}),
+        lambda: four_bar.assemble(None, {others[0]: 1.0}),
+        lambda: four_bar.accelerations(four_bar.initial[0], {others[0]: 1.0}),
+    ):
+        with pytest.warns(RuntimeWarning, match=says):
+            call()
+
+
 def test_initial_states_that_are_open(four_bar: Any) -> None:
     with pytest.warns(RuntimeWarning, match=r"the initial state does not close the loops"):
         found = four_bar.simulate(0.1, q=[0.8, -0.3, -1.9])

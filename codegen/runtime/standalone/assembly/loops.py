@@ -14,6 +14,7 @@ from ..calls.functions import STATE, Wanted
 from ..calls.targets import Opened
 from ..warning import warn
 from .assembly import ROUNDING, Assembly
+from .open_states import warn_of_dependent_speeds
 from .states import States
 
 POSITION = Wanted("closure", ["position"])
@@ -63,6 +64,7 @@ class Loops(States):
         self, q: Numbers, u: Numbers, p: Numbers, inputs: Numbers, t: Times, follow: bool | None = None
     ) -> tuple[Array, Array]:
         found = super().assemble(q, u, p, inputs, t, follow)
+        warn_of_dependent_speeds(self.package, u)
         if isinstance(q, Mapping):
             self._look_at_named(q, found[0])
         return found

@@ -49,6 +49,8 @@ class OpenStates:
             return
         state = dict(zip(STATE, given, strict=False))
         q = state["q"]
+        if isinstance(state.get("u"), Mapping):
+            warn_of_dependent_speeds(package, state["u"])
         if q is not None and (not isinstance(q, np.ndarray) or isinstance(state["p"], Mapping)):
             self._look_at(state)
 
@@ -82,6 +84,20 @@ class OpenStates:
         arrays, batch, _ = self.package._taken(f, [known[name] for name in f.order])
         found: tuple[Array, ...] = self.package._opened.target.compute(f, arrays, batch)
         return found
+
+
+def warn_of_dependent_speeds(package: Package, u: Any) -> None:
+    """Warns if speeds by name are dependent speeds alone, which follow from the independent ones and have no effect."""
+    if not isinstance(u, Mapping):
+        return
+    given = np.logical_not(package._arguments.omitted("u", u))
+    free = [name in package.independent_speed_names for name in package.speed_names]
+    if any(free) and given.any() and not given[free].any():
+        warn(
+            f"u: {some([n for n, is_given in zip(package.speed_names, given, strict=True) if is_given])} follow from the "
+            f"independent speeds ({some(package.independent_speed_names)}), so these values have no effect; give independent "
+            f"speeds"
+        )
 
 
 def warn_of_moved_initial(package: Package) -> None:

@@ -239,13 +239,22 @@ class Simulation(Reasons):
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:
             raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
+        if self.closure_names and isinstance(u, Mapping):
+            from ..assembly.open_states import warn_of_dependent_speeds
+
+            warn_of_dependent_speeds(self.package, u)
         at = tuple(arrays[name] for name in STATE)
         if self.closure_names and q is not None:
             gaps = np.abs(self._call("closure", at)[0])
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                if np.abs(closed[0] - arrays["q"]).max() > CLOSED:  # more than redundant conditions are open
+                typed = np.logical_not(
+                    self._arguments.omitted("q", q)
+                )  # by name, other dependent coordinates are guesses
+                if (
+                    np.abs(closed[0] - arrays["q"])[typed].max(initial=0.0) > CLOSED
+                ):  # more than redundant conditions are open
                     warn(
                         f"the initial state does not close the loops (scaled residual {gap:.3g}); "
                         f"dependent coordinates have been changed"
@@ -253,7 +262,7 @@ class Simulation(Reasons):
                 return closed
         q_all, u_all = self.states.assemble(*at)
         if self.closure_names and u is not None and q is not None:
-            off = float(np.abs(u_all - arrays["u"]).max())
+            off = float(np.abs(u_all - arrays["u"])[np.logical_not(self._arguments.omitted("u", u))].max(initial=0.0))
             if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
                 warn(
                     f"the initial speeds do not keep the loops closed; dependent ones have been changed, by up to {off:.3g}"
