@@ -193,6 +193,22 @@ def test_events(followed):
     assert first.outputs[0] == pytest.approx(-0.98, abs=1e-12) and np.isfinite(first.dt).all()
 
 
+def test_the_derivative_of_the_largest_acceleration(followed):
+    """Against differences of the largest values of longer and shorter pendulums, whose peaks are at other times."""
+    found = followed("docs/howto/simulate.md").piece("minimize_scalar")
+    solver, at = found["lifting"], found["peak"].x
+
+    def largest(length):
+        t = np.linspace(at - 0.01, at + 0.01, 41)
+        lift = solver.simulate(np.r_[0.0, t], p={"length": length}, rtol=1e-12, atol=1e-12)["lift"][1:]
+        a, b, c = np.polyfit(t - at, lift, 2)
+        return c - b**2 / (4 * a), at - b / (2 * a)
+
+    (low, early), (high, late) = largest(0.999), largest(1.001)
+    assert found["run"].derivative("lift", "length")[-1] == pytest.approx((high - low) / 0.002, rel=1e-3)
+    assert late - early > 1e-4
+
+
 def test_trajectories(followed):
     pytest.importorskip("matplotlib", reason="the page draws")
     page = followed("docs/howto/simulate.md")
