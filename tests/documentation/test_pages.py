@@ -205,7 +205,7 @@ def test_the_derivative_of_the_largest_acceleration(followed):
         return c - b**2 / (4 * a), at - b / (2 * a)
 
     (low, early), (high, late) = largest(0.999), largest(1.001)
-    assert found["run"].derivative("lift", "length")[-1] == pytest.approx((high - low) / 0.002, rel=1e-3)
+    assert found["run"].derivative("lift", "length")[-1] == pytest.approx((high - low) / 0.002, rel=1e-4)
     assert late - early > 1e-4
 
 
