@@ -124,6 +124,9 @@ def generate(
     for name, value, allowed in (("target", target, TARGETS), ("layout", layout, LAYOUTS), ("scalar", scalar, scalars)):
         if value not in allowed:
             raise ValueError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
+    check_flags(reactions=reactions, frames=frames, check=check, force=force)
+    if not isinstance(compile, bool) and compile != "all":
+        raise ValueError(f"compile is {compile!r}; allowed are True, False and 'all'")
     if isinstance(functions, str):
         functions = [name.strip() for name in functions.split(",")]
     elif functions is not None:
@@ -140,8 +143,8 @@ def generate(
     progress("reading", 0, 0)
     with _timed(seconds, "read"):
         if not isinstance(model, Model):
-            file = Path(model)
-            model = load_model(file)
+            given, model = model, load_model(model)
+            file = Path(given)
             origin = {"file": file.name}
             if file.is_file():  # a pipe can be read only once
                 origin["sha256"] = model.digest
@@ -197,6 +200,13 @@ def generate(
         with _timed(seconds, "check"):
             check_solver(model, report)
     return report
+
+
+def check_flags(**flags: object) -> None:
+    """Raises ValueError for options that are neither True nor False: the text ``"no"`` would count as true."""
+    for name, value in flags.items():
+        if not isinstance(value, bool):
+            raise ValueError(f"{name} is {value!r}; allowed are True and False")
 
 
 def _compile(

@@ -1,5 +1,6 @@
 """``import ordernm`` is ``import codegen``: the same module objects, pickles and commands, for type checkers too."""
 
+import importlib
 import pickle
 import subprocess
 import sys
@@ -51,8 +52,32 @@ def test_errors_classes_and_pickles_are_the_same():
     assert found is codegen.Variable
     with pytest.raises(ModuleNotFoundError, match=r"ordernm\.nothing"):
         import ordernm.nothing
-    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+    with pytest.raises(AttributeError, match="module 'ordernm' has no attribute 'nothing'; it has ExportedC, "):
         ordernm.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "hint"),
+    [
+        ("ordernm", "Final", "; it is in ordernm.runtime"),
+        ("ordernm", "simulate", "; it is in ordernm.jax and ordernm.torch"),
+        ("ordernm", "DenseEngine", "; it is in ordernm.reference"),
+        ("ordernm", "Collocation", "; it is in ordernm.casadi"),
+        ("ordernm", "equations", "; it is in ordernm.symbolic"),
+        ("ordernm.runtime", "generate", "; it is in ordernm"),
+        ("ordernm", "__wrapped__", ""),
+    ],
+)
+def test_names_of_other_modules_are_found_there(module: str, name: str, hint: str) -> None:
+    with pytest.raises(AttributeError) as caught:
+        getattr(importlib.import_module(module), name)
+    assert str(caught.value) == f"module {module!r} has no attribute {name!r}{hint}"
+
+
+def test_modules_that_are_not_imported_are_named() -> None:
+    program = "import ordernm; ordernm.symbolic"
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert ended.stderr.endswith("no attribute 'symbolic'; it is a module: import ordernm.symbolic\n")
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import codegen
 from codegen import generation
 from codegen.generation import FolderError, check_solver, generate
 from codegen.model import ModelError, parse_model
+from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.runtime import CompileError
 from codegen.runtime.standalone.files.manifest import file_digest, seal
 
@@ -256,6 +257,25 @@ def test_unknown_options_are_refused(model, tmp_path, option):
     with pytest.raises(ValueError, match=rf"{option} is 'rust'; allowed are .*, "):
         generate(model, tmp_path / "rod", **{option: "rust"})
     assert not (tmp_path / "rod").exists()
+
+
+@pytest.mark.parametrize("option", ["reactions", "frames", "check", "force", "compile"])
+@pytest.mark.parametrize("value", ["no", 0, None])
+def test_options_that_are_neither_true_nor_false_are_refused(model, tmp_path, option, value):
+    allowed = "True, False and 'all'" if option == "compile" else "True and False"
+    with pytest.raises(ValueError, match=f"^{option} is {value!r}; allowed are {allowed}$"):
+        generate(model, tmp_path / "rod", **{option: value})
+    assert not (tmp_path / "rod").exists()
+
+
+def test_objects_in_place_of_a_model_are_refused(model, tmp_path):
+    with pytest.raises(TypeError, match=r"^an int is given; a Model, or the path of its file, is needed"):
+        generate(3, tmp_path / "rod")
+    with pytest.raises(ModelError, match=r"^<string>: this is the text of a model; a path is needed here"):
+        generate("model: rod\nbodies: {}\n", tmp_path / "rod")
+    for engine in (RecursiveEngine, DenseEngine):
+        with pytest.raises(TypeError, match=r"^a str is given; a Model is needed; load_model reads a file"):
+            engine("rod.yaml")
 
 
 @pytest.mark.parametrize("functions", [3, True, b"x", [["accelerations"]], ("accelerations", 3)])

@@ -14,7 +14,7 @@ from typing import Any
 from ..emit.repetition import json_text
 from ..emit.templates import render
 from ..folders import refuse_foreign, write_folder
-from ..generation import generate
+from ..generation import check_flags, generate
 from ..mechanics.procedures import UnknownFunctionError
 from ..model.loading import load_model
 from ..model.model import Model
@@ -106,6 +106,7 @@ def export_casadi(
     'pendulum_casadi.so'
     """
     # long: the docstring describes every argument
+    check_flags(force=force)
     model = model if isinstance(model, Model) else load_model(model)
     names = _chosen(model, functions)
     check_name(model.name)

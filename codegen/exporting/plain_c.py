@@ -13,6 +13,7 @@ from ..emit.c import C
 from ..emit.repetition import json_text
 from ..emit.templates import render
 from ..folders import refuse_foreign, write_folder
+from ..generation import check_flags
 from ..model.loading import load_model
 from ..model.model import Model
 from ..pipeline import write_solver
@@ -136,6 +137,7 @@ def export_c(
     ('float32', 0)
     """
     # long: the docstring describes every argument
+    check_flags(force=force)
     model = model if isinstance(model, Model) else load_model(model)
     path = Path("exported", model.name) if folder is None else Path(folder)
     keep = refuse_foreign(path, force)

@@ -17,6 +17,7 @@ import numpy as np
 from ..html_tables import html_of
 from ..model import Model, ModelError, parse_model
 from ..model.errors import Problem
+from ..model.file_bytes import file_name
 from ..model.positions import shortened
 from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
@@ -178,7 +179,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     """
     # long: the docstring describes every option
     chosen = options_of(options)
-    file = os.fspath(path)
+    file = file_name(path, "the path of a robot file", "this is the text of a file; the path of a robot file is needed")
     for folder in chosen.package_paths:
         if not os.path.isdir(folder):
             message = f"{os.fspath(folder)} is not a folder; give a folder of packages, or leave it out"

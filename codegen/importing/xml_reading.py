@@ -132,9 +132,10 @@ def parse_xml(data: bytes | str, file: str) -> Element:
         message = "a document type (DOCTYPE) is not read, since it can bring entities and default attributes; remove it"
         raise ModelError([handler.problem(message)]) from None
     except SAXParseException as error:
-        message = (
-            f"this is not XML: {error.getMessage()}; every <element> needs an </element>, every attribute needs quotes"
-        )
+        advice = "every <element> needs an </element>, every attribute needs quotes"
+        if file.endswith((".yaml", ".yml")):
+            advice = f"a model file needs no import: ordernm generate {file}"
+        message = f"this is not XML: {error.getMessage()}; {advice}"
         line, column = error.getLineNumber() or 1, (error.getColumnNumber() or 0) + 1
         raise ModelError([Problem(file, line, column, "", message)]) from None
     except (SAXException, LookupError, ValueError) as error:  # unknown encodings, and invalid characters

@@ -2,9 +2,37 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
-from .errors import ModelError, Problem
+from .errors import ModelError, Problem, with_article
+
+
+def file_name(given: Any, wanted: str, for_text: str) -> str:
+    """The path of a file as text.
+
+    Parameters
+    ----------
+    given : object
+    wanted : str
+        What is allowed, for messages about objects of other types.
+    for_text : str
+        Message for the text of a file in place of its path.
+
+    Raises
+    ------
+    TypeError
+        If an object of another type is given.
+    ModelError
+        If the text of a file is given.
+    """
+    if not isinstance(given, (str, os.PathLike)):
+        raise TypeError(f"{with_article(type(given).__name__)} is given; {wanted} is needed")
+    name = os.fspath(given)
+    if "\n" in name:
+        raise ModelError([Problem("<string>", None, None, "", for_text)])
+    return name
 
 
 def read_bytes(path: str | Path, limit: int, needed: str, too_large: str) -> bytes:

@@ -14,6 +14,7 @@ import numpy as np
 from ..loops.partition import Partition
 from ..loops.partition import partition as choose_partition
 from ..loops.speed_groups import SpeedGroup, coordinates_of
+from ..model.errors import with_article
 from ..model.model import Model, closure_row_names
 from .arithmetic import Arithmetic, Array
 from .pairs import Pair, Pairs
@@ -61,6 +62,10 @@ class Arguments(ABC):
     """The model, the partition and the methods of an engine that this module uses; see `Engine`."""
 
     def __init__(self, model: Model, numbers: str | Arithmetic = "float64", partition: Partition | None = None) -> None:
+        if not isinstance(model, Model):
+            raise TypeError(
+                f"{with_article(type(model).__name__)} is given; a Model is needed; load_model reads a file"
+            )
         self.given = model
         model = self.model = model.released
         self.held = np.array(

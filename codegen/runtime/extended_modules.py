@@ -60,9 +60,8 @@ def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
 
     if isinstance(model, Model):
         return model
-    file = Path(model)
     known = (manifest.get("origin") or {}).get("sha256")
-    read = load_model(file)
+    read, file = load_model(model), Path(model)
     if known and file.is_file() and read.digest != known:
         raise ValueError(
             f"model: {file} is not the model file of the package, or has changed since; generate the package again"

@@ -11,6 +11,7 @@ from types import ModuleType
 
 from .sections import CARRIED, is_carried
 from .solver import Solver
+from .standalone.errors import PackageError
 from .standalone.files.manifest import SEAL, check_files, read_manifest
 from .standalone.trajectory.trajectory import Trajectory
 
@@ -50,6 +51,10 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     >>> pendulum.nq, pendulum.target
     (1, 'numpy')
     """
+    if not isinstance(folder, (str, os.PathLike)):
+        raise TypeError(f"{type(folder).__name__} is given; the folder of a generated package is needed")
+    if "\n" in os.fspath(folder):
+        raise PackageError("this is a text of several lines; the folder of a generated package is needed")
     path = Path(folder).absolute()
     brought = _brought(path)
     ours = all(_is_own(path / CARRIED, file) for file in brought)

@@ -113,6 +113,14 @@ def test_without_a_compiler_the_report_has_no_sizes(tmp_path, monkeypatch, capsy
     assert "There was no C compiler" in (tmp_path / "c" / "README.md").read_text()
 
 
+@pytest.mark.parametrize("export", [codegen.export_c, codegen.export_fmu])
+def test_wrong_arguments_are_refused(export, tmp_path):
+    with pytest.raises(TypeError, match=r"^an object is given; a Model, or the path of its file, is needed"):
+        export(object(), tmp_path / "written")
+    with pytest.raises(ValueError, match=r"^force is 'no'; allowed are True and False"):
+        export("examples/pendulum.yaml", tmp_path / "written", force="no")
+
+
 def test_wrong_requests_are_refused(tmp_path, capsys):
     model, out = str(EXAMPLES / "pendulum.yaml"), str(tmp_path / "c")
     assert cli.main(["export", model, "--c", "-o", out, "--functions", "speed"]) == 2

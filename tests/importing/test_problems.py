@@ -97,6 +97,24 @@ def test_files_that_are_none_are_told(tmp_path):
             codegen.import_model(path)
 
 
+def test_models_need_no_import(tmp_path):
+    path = tmp_path / "press.yaml"
+    path.write_text("model: press\n")
+    with pytest.raises(
+        codegen.ModelError, match=rf"this is not XML: .*; a model file needs no import: ordernm generate {path}"
+    ):
+        codegen.import_model(path)
+
+
+def test_texts_and_other_objects_in_place_of_a_path():
+    with pytest.raises(
+        codegen.ModelError, match=r"^<string>: this is the text of a file; the path of a robot file is needed"
+    ):
+        codegen.import_model(robot(BASE, A, joint("j", "base", "a")))
+    with pytest.raises(TypeError, match=r"^an int is given; the path of a robot file is needed"):
+        codegen.import_model(3)
+
+
 def test_long_names_are_cut_and_digits_are_those_of_numbers(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(ARM.replace("forearm", "f" * 3000).replace('"tool"', f'"{"f" * 3001}"'))

@@ -2,6 +2,7 @@
 """Bad input: every problem at once, each with its place, its key, what was seen and what is allowed."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -244,11 +245,36 @@ def test_anchors_and_merge_keys_work():
     assert [e.value for e in model.bodies[1].inertia][:3] == [1, 1, 2]
 
 
+def test_paths_and_other_objects_in_place_of_a_text():
+    assert problems("parts/m.yml") == [
+        "m.yaml:1:1: 'parts/m.yml' is the path of a file; the text of a model is needed here, and load_model reads a file"
+    ]
+    for other in (3, Path("m.yaml")):
+        with pytest.raises(TypeError, match="is given; the text of a model is needed; load_model reads a file"):
+            parse_model(other)
+
+
+@pytest.mark.parametrize(
+    "text", ["<robot name='a'/>", "\n<?xml version='1.0'?>\n<sdf>\n<model/></sdf>\n", "<!-- a -->\n<mujoco/>"]
+)
+def test_robots_are_imported(text):
+    assert problems(text) == [
+        "m.yaml:1:1: this is XML, not a model; a robot in URDF, MJCF or SDF is converted by: ordernm import m.yaml"
+    ]
+
+
 def test_unreadable_files(tmp_path):
     for path in (tmp_path / "missing.yaml", tmp_path):
         with pytest.raises(ModelError) as info:
             load_model(path)
         assert str(info.value).startswith(f"{path}:1:1: cannot be read")
+    with pytest.raises(
+        ModelError, match=r"^<string>: this is the text of a model; a path is needed here, and parse_model"
+    ):
+        load_model(GOOD)
+    for other, article in ((3, "an int"), (b"model.yaml", "a bytes"), (parse_model(GOOD), "a Model")):
+        with pytest.raises(TypeError, match=f"^{article} is given; a Model, or the path of its file, is needed"):
+            load_model(other)
     (tmp_path / "binary.yaml").write_bytes(b"model: m\nx: \xff\xfe")
     with pytest.raises(ModelError) as info:
         load_model(os.fspath(tmp_path / "binary.yaml"))

@@ -79,6 +79,9 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
         ({"events": [3.0]}, r"events contain 3.0, expected names of outputs"),
         ({"events": Event("swing", direction="left")}, r"direction is 'left'; allowed are 'up', 'down', 'both'"),
         ({"events": Event("swing", np.nan)}, r"the level of swing is nan"),
+        ({"events": Event("swing", level="max")}, r"the level of swing is 'max', expected a finite number"),
+        ({"events": Event("swing", level=None)}, r"the level of swing is None, expected a finite number"),
+        ({"events": Event("swing", stop="no")}, r"stop is 'no'; allowed are True and False"),
     ],
 )  # fmt: skip
 def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> None:

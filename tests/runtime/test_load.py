@@ -37,6 +37,12 @@ def test_a_folder_without_package_is_told(tmp_path):
         codegen.load(tmp_path)
     with pytest.raises(ValueError, match="contains no complete generated solver: there is no such folder"):
         codegen.load(tmp_path / "missing")
+    with pytest.raises(
+        PackageError, match="this is a text of several lines; the folder of a generated package is needed"
+    ):
+        codegen.load(MODEL)
+    with pytest.raises(TypeError, match=r"^Model is given; the folder of a generated package is needed"):
+        codegen.load(codegen.parse_model(MODEL))
 
 
 def test_a_model_file_in_place_of_a_package_is_told(tmp_path):

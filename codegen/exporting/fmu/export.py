@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ...folders import FolderError
+from ...generation import check_flags
 from ...model.loading import load_model
 from ...model.model import Model
 from ...model.outputs import Output
@@ -140,6 +141,7 @@ def export_fmu(
     if not 0.0 < stop < float("inf"):
         raise ValueError(f"stop={stop!r}, expected a positive number of seconds")
     wanted = chosen(platforms, fmi)
+    check_flags(energies=energies, force=force)
     model = model if isinstance(model, Model) else load_model(model)
     model = _with_energies(model) if energies else model
     path = Path("exported", f"{model.name}.fmu") if file is None else Path(file)

@@ -126,6 +126,13 @@ def crossings_of(
     return tuple(found)
 
 
+def _is_finite(level: Any) -> bool:
+    try:
+        return math.isfinite(level)
+    except (TypeError, OverflowError):
+        return False
+
+
 def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     """Checks events given by a user.
 
@@ -145,8 +152,10 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
             raise no_output("events", e.output, output_names)
         if e.direction not in DIRECTIONS:
             raise ValueError(f"events: direction is {e.direction!r}; allowed are {', '.join(map(repr, DIRECTIONS))}")
-        if not math.isfinite(e.level):
-            raise ValueError(f"events: the level of {e.output} is {e.level}, expected a finite number")
+        if not _is_finite(e.level):
+            raise ValueError(f"events: the level of {e.output} is {e.level!r}, expected a finite number")
+        if not isinstance(e.stop, bool | np.bool_):
+            raise ValueError(f"events: stop is {e.stop!r}; allowed are True and False")
     return events
 
 
