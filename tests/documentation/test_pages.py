@@ -199,14 +199,14 @@ def test_the_derivative_of_the_largest_acceleration(followed):
     solver, at = found["lifting"], found["peak"].x
 
     def largest(length):
-        t = np.linspace(at - 0.01, at + 0.01, 41)
+        t = np.linspace(at - 0.002, at + 0.002, 41)
         lift = solver.simulate(np.r_[0.0, t], p={"length": length}, rtol=1e-12, atol=1e-12)["lift"][1:]
         a, b, c = np.polyfit(t - at, lift, 2)
         return c - b**2 / (4 * a), at - b / (2 * a)
 
-    (low, early), (high, late) = largest(0.999), largest(1.001)
-    assert found["run"].derivative("lift", "length")[-1] == pytest.approx((high - low) / 0.002, rel=1e-4)
-    assert late - early > 1e-4
+    (low, early), (high, late) = largest(0.9999), largest(1.0001)
+    assert found["run"].derivative("lift", "length")[-1] == pytest.approx((high - low) / 0.0002, rel=1e-4)
+    assert late - early > 1e-5
 
 
 def test_trajectories(followed):
