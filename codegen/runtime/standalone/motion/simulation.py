@@ -249,12 +249,9 @@ class Simulation(Reasons):
             gap = float(np.delete(gaps, self._opened.manifest.get("dropped", [])).max(initial=0.0))
             if gap > CLOSED:
                 closed = self.states.assemble(*at)
-                typed = np.logical_not(
-                    self._arguments.omitted("q", q)
-                )  # by name, other dependent coordinates are guesses
-                if (
-                    np.abs(closed[0] - arrays["q"])[typed].max(initial=0.0) > CLOSED
-                ):  # more than redundant conditions are open
+                # by name, dependent coordinates that are left out are guesses
+                off = np.abs(closed[0] - arrays["q"])[np.logical_not(self._arguments.omitted("q", q))]
+                if off.max(initial=0.0) > CLOSED:  # more than redundant conditions are open
                     warn(
                         f"the initial state does not close the loops (scaled residual {gap:.3g}); "
                         f"dependent coordinates have been changed"
@@ -262,7 +259,7 @@ class Simulation(Reasons):
                 return closed
         q_all, u_all = self.states.assemble(*at)
         if self.closure_names and u is not None and q is not None:
-            off = float(np.abs(u_all - arrays["u"])[np.logical_not(self._arguments.omitted("u", u))].max(initial=0.0))
+            off = np.abs(u_all - arrays["u"])[np.logical_not(self._arguments.omitted("u", u))].max(initial=0.0)
             if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
                 warn(
                     f"the initial speeds do not keep the loops closed; dependent ones have been changed, by up to {off:.3g}"
