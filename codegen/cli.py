@@ -154,7 +154,8 @@ def print_report(report: Any, verbose: bool = False) -> None:
 
 def run_check(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm check``: reads a model, closes its loops, and lists problems."""
-    from .summary import counted, first
+    from .summary import first
+    from .wording import counted
 
     model = _load(options.model, status)
     choice = _choice(model, options.model, status, expand=True)
@@ -233,7 +234,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
 def run_import(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm import``: converts a robot file to a model file, and lists what is left out."""
     from .importing.command import ExistsError, run
-    from .summary import counted
+    from .wording import counted
 
     status("reading", 0, 0)
     try:

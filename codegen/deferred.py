@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
+from .wording import nearest
+
 ROOT = __package__ or ""
 
 
@@ -40,4 +42,4 @@ def _hint(package: str, places: Mapping[str, str], name: str) -> str:
         return f"; it is a module: import {_public(ROOT)}.{name}"
     names = {ROOT: root.__all__} | {f"{ROOT}.{m}": import_module(f"{ROOT}.{m}").__all__ for m in sorted(root._MODULES)}
     elsewhere = " and ".join(_public(m) for m, known in names.items() if name in known)
-    return f"; it is in {elsewhere}" if elsewhere else f"; it has {', '.join(sorted(places))}"
+    return f"; it is in {elsewhere}" if elsewhere else f"; it has {', '.join(sorted(places))}{nearest(name, places)}"

@@ -20,8 +20,13 @@ EXTRAS = {
     "parquet": (("pyarrow",), "trajectories in .parquet files"),
     "mjcf": (("mujoco",), "import of MJCF"),
     "completion": (("shtab",), "completion of commands in shells"),
+    "casadi": (("casadi",), "functions of solvers in CasADi"),
+    "jax": (("jax",), "functions of solvers in JAX"),
+    "torch": (("torch",), "functions of solvers in PyTorch"),
+    "fmi": (("ziglang", "fmpy"), "FMUs for other systems, simulators of FMUs"),
+    "peers": (("casadi", "pinocchio", "mujoco"), "comparisons in benchmarks"),
 }
-"""Optional extras of the package ordernm; for each, the modules that it installs, and the purpose of these modules."""
+"""Extras of the package ordernm for users, each with modules that it installs, and their purpose."""
 
 NOT_THERE = "missing"
 
@@ -88,10 +93,13 @@ def _compiles() -> tuple[bool, list[str]]:
 
 
 def _extras() -> list[str]:
+    checkout = Path(__file__).parents[1]
+    of_checkout = (checkout / "pyproject.toml").is_file()
     lines = []
     for name, (modules, purpose) in EXTRAS.items():
         missing = [m for m in modules if importlib.util.find_spec(m) is None]
-        state = f'{NOT_THERE}: pip install "ordernm[{name}]"' if missing else "installed"
+        install = f'-e "{checkout}[{name}]"' if of_checkout else f'"ordernm[{name}]"'
+        state = f"{NOT_THERE}: pip install {install}" if missing else "installed"
         lines.append(f"{name:10}  {purpose}: {state}")
     return lines
 

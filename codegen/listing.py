@@ -13,7 +13,7 @@ from .model.expressions import Expression, combine
 from .model.forces import ForceElement
 from .model.model import GROUND, Body, Coupling, Face, Joint, Model, Output, Point, Vector, joint_coordinates
 from .model.outputs import MEASURES
-from .summary import counted
+from .wording import counted
 
 FEW, FIRST = 40, 10
 """Sections with at most `FEW` entries are shown completely, longer ones with their first `FIRST` entries. If there are

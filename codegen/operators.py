@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 import threading
 from collections.abc import Mapping, Sequence
@@ -12,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .runtime.standalone.state.derivatives import CURVED
+from .wording import nearest
 
 STATE = ("q", "u", "p", "inputs", "t")
 
@@ -147,8 +147,7 @@ class Operator:
         known = list(self.entries.get(argument, ()))
         if entry in known:
             return known.index(entry)
-        near = difflib.get_close_matches(str(entry), known, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = nearest(entry, known)
         raise ValueError(f"{self.name}: {argument} has no entry {entry!r}; it has {', '.join(known) or 'none'}{hint}")
 
     def no_curvature(self) -> str:
@@ -183,8 +182,7 @@ def operator(solver: Any, name: str) -> Operator:
     if not hasattr(solver, "_opened") or not hasattr(solver, "accelerations"):
         raise TypeError(f"expected a solver, as ordernm.load returns it, not {type(solver).__name__}")
     if name not in FUNCTIONS:
-        near = difflib.get_close_matches(str(name), FUNCTIONS, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = nearest(name, FUNCTIONS)
         raise ValueError(
             f"{name!r} is not a function that can be differentiated; allowed are {', '.join(FUNCTIONS)}{hint}"
         )

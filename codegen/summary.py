@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .html_tables import html_of
+from .wording import counted
 
 SHOWN = 20
 """Maximum number of warnings in a report, and half the maximum number of lines about loops. The report counts the
@@ -194,11 +195,6 @@ class Report:
             "  all blocks after every pass",
             *table(["pass", "+", "*", "/", "functions", "seconds"], passes, width),
         ]
-
-
-def counted(n: int, one: str, many: str = "") -> str:
-    """A number with its noun: ``1 body``, ``2 bodies``."""
-    return f"{n} {one if n == 1 else many or one + 's'}"
 
 
 def first(lines: Iterable[object], limit: int, more: str) -> list[str]:

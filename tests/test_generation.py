@@ -113,7 +113,7 @@ def modules(place: Path) -> set[str]:
     return {p.relative_to(place).with_suffix("").as_posix() for p in place.rglob("*.py")}
 
 
-SHARED = {"elementary", "jumps", "html_tables"}
+SHARED = {"elementary", "jumps", "html_tables", "wording"}
 """Modules of `codegen` that packages contain, too."""
 
 

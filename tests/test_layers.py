@@ -16,6 +16,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 FLOORS = {
     "version": set(),
+    "wording": set(),  # parts of messages; every layer may import it
     "deferred": set(),  # names that are imported when first asked for
     "records": set(),  # data classes
     "html_tables": set(),  # results in notebooks
@@ -152,7 +153,7 @@ def faults(source: str, path: Path) -> list[str]:
     for line, name in imports(source, path):
         parts = name.split(".")
         if path.is_relative_to(STANDALONE):
-            own = parts[:2] in [["codegen", name] for name in ("elementary", "html_tables", "jumps")] or (
+            own = parts[:2] in [["codegen", name] for name in ("elementary", "html_tables", "jumps", "wording")] or (
                 parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
             )
             module = path.relative_to(STANDALONE).with_suffix("").as_posix()
@@ -169,7 +170,7 @@ def faults(source: str, path: Path) -> list[str]:
             found.append(f"{_name(path)}:{line}: {floor} imports {name}; {floor} does not know {parts[1]}")
         elif parts[0] == "codegen" and floor in FLOORS:
             target = parts[1] if len(parts) > 1 else "the top"
-            if target != floor and target not in FLOORS[floor]:
+            if target not in {floor, "wording", *FLOORS[floor]}:
                 allowed = ", ".join(sorted(FLOORS[floor])) or "nothing"
                 found.append(f"{_name(path)}:{line}: {floor} imports {name}; beside itself it may import {allowed}")
             room, other = _room(path), parts[2] if parts[1:2] == ["mechanics"] and len(parts) > 2 else ""

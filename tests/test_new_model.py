@@ -6,12 +6,15 @@ import pty
 import re
 import shutil
 import subprocess
+import tomllib
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import ordernm
 from codegen import cli
+from codegen.doctor import EXTRAS
 from codegen.runtime.standalone.errors import CompileError
 from codegen.starters import starters, text_of
 
@@ -48,7 +51,11 @@ def test_the_doctor_says_what_is_missing(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("codegen.generation.generate", lambda *a, **named: asked.update(named) or report)
     assert cli.main(["doctor"]) == 0 and asked["check"]
     out = capsys.readouterr().out
-    assert 'plot        curves: missing: pip install "ordernm[plot]"' in out and "other       nothing: installed" in out
+    checkout = Path(ordernm.__file__).parents[1]
+    assert (
+        f'plot        curves: missing: pip install -e "{checkout}[plot]"' in out
+        and "other       nothing: installed" in out
+    )
     assert "a solver compiles, and agrees with the generic engine" in out
 
     report.disagreeing = {"udot": 0.1}
@@ -61,6 +68,15 @@ def test_the_doctor_says_what_is_missing(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("codegen.generation.generate", broken)
     assert cli.main(["doctor"]) == 3
     assert "a solver does not compile: cc: no such thing" in capsys.readouterr().out
+
+
+def test_the_doctor_and_the_page_of_errors_know_the_extras_of_users():
+    root = Path(ordernm.__file__).parents[1]
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    of_users = extras.keys() - {"test", "docs", "wasm"}  # of those who develop ordernm
+    assert EXTRAS.keys() == of_users
+    listed = re.search(r"Extras are ([^.]*)\.", (root / "docs/errors.md").read_text())
+    assert {*re.findall(r"`(\w+)`", listed[1])} == of_users
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])

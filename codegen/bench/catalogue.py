@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 
 from ..ending import Failure
+from ..wording import nearest
 from .problem import Family, Motion, Problem, Robots
 from .problems import families, four_bars, motions, pendulum, planar_chains
 
@@ -42,9 +42,8 @@ def chosen(names: Sequence[str]) -> list[Problem]:
         elif name in PROBLEMS:
             wanted.add(name)
         else:
-            near = difflib.get_close_matches(name, PROBLEMS, 1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
             raise UnknownProblemError(
-                f"there is no problem {name!r}{hint}; there are {', '.join(PROBLEMS)}, and motions or families for all of a kind"
+                f"there is no problem {name!r}; there are {', '.join(PROBLEMS)}, and motions or families for all of a kind"
+                f"{nearest(name, PROBLEMS)}"
             )
     return [p for n, p in PROBLEMS.items() if not names or n in wanted]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import _ctypes
-import difflib
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -21,6 +20,7 @@ from ..model.model import Model
 from ..program.progress import Progress, silent
 from ..runtime.standalone.files.manifest import read_manifest
 from ..version import __version__
+from ..wording import nearest
 from .bridged import BRIDGED, SECOND, Bridged, BridgeError
 from .functions import check_name
 from .library import build, described, write
@@ -172,10 +172,9 @@ def _chosen(model: Model, functions: Sequence[str] | str | None) -> list[str]:
     given = functions.split(",") if isinstance(functions, str) else known if functions is None else list(functions)
     for name in given:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
             raise BridgeError(
                 f"functions: {model.name} has no function {name!r} for CasADi; allowed are {', '.join(known)}"
-                + (f"; did you mean {near[0]!r}?" if near else "")
+                f"{nearest(name, known)}"
             )
     return given
 

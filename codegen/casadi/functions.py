@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from typing import TYPE_CHECKING, Any
 
 from ..runtime.standalone.calls.package import Package
+from ..wording import nearest
 from .bridged import BRIDGED, SECOND, Bridged, BridgeError
 from .library import described, library
 from .source import casadi_name
@@ -197,10 +197,9 @@ def one_of(solver: Solver, name: str) -> Bridged:
     found = every(solver)
     model = solver._opened.manifest["name"]
     if name not in BRIDGED:
-        near = difflib.get_close_matches(str(name), BRIDGED, 1)
         raise BridgeError(
             f"name is {name!r}, which is no function for CasADi; allowed are {', '.join(found)}"
-            + (f"; did you mean {near[0]!r}?" if near else "")
+            + nearest(name, BRIDGED)
             + (f"; {name} is ordernm.casadi.{name}(solver)" if name in ("ode", "step") else "")
         )
     if name not in found:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..runtime.standalone.arrays import Array, Numbers
+from ..wording import nearest
 from .bridged import BridgeError
 from .functions import imported, needs_second, ode
 from .optimum import NotSolvedError, Optimum
@@ -448,10 +448,8 @@ def _known(what: str, given: Iterable[str], allowed: Iterable[str]) -> None:
     names = tuple(allowed)
     for name in given:
         if name not in names:
-            near = difflib.get_close_matches(str(name), names, 1)
             raise BridgeError(
-                f"{what} has the unknown name {name!r}; allowed are {', '.join(names) or 'none'}"
-                + (f"; did you mean {near[0]!r}?" if near else "")
+                f"{what} has the unknown name {name!r}; allowed are {', '.join(names) or 'none'}{nearest(name, names)}"
             )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..html_tables import html_of
 from ..runtime.standalone.arrays import Array
-from ..runtime.standalone.trajectory.trajectory import Trajectory, counted
+from ..runtime.standalone.trajectory.trajectory import Trajectory
+from ..wording import counted
 from .experiments import Experiment, Space
 from .fit_curvature import covariance_of, profile_interval
 from .outcome import at_bound

@@ -12,6 +12,7 @@ from ..runtime.standalone.arrays import Array, Numbers
 from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from ..terminal import working
+from ..wording import counted
 from .experiments import Experiment, take_experiments
 from .failures import FAILURES
 from .fit_curvature import check_hessian, full_hessian
@@ -156,7 +157,12 @@ def fit(
     first_cost = 0.5 * float(residuals @ residuals)
     if len(residuals) < len(space.names):
         raise ValueError(
-            f"fit: {len(residuals)} samples cannot determine {len(space.names)} variables; give more samples or fewer variables"
+            f"fit: {counted(len(residuals), 'sample')} cannot determine {counted(len(space.names), 'variable')}; "
+            + (
+                "give more samples or fewer variables"
+                if len(residuals)
+                else "all samples are NaN, which means no sample"
+            )
         )
     found = least_squares(
         lambda x: problem.at(x)[0], space.x0, jac=lambda x: problem.at(x)[1], bounds=space.x_bounds, method=method, loss=loss,

@@ -19,6 +19,7 @@ from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.motion.functionals import Functional, check_functionals
 from ..runtime.standalone.motion.settings import ATOL, METHOD, RTOL
 from ..runtime.standalone.trajectory.trajectory import Trajectory
+from ..wording import counted
 from .constraints import bounds_of, dictionaries, nonlinear
 from .curvature import Curvatures
 from .evaluated_points import Combine, Evaluation, Point
@@ -462,11 +463,14 @@ class Objective(OfVariables):
 
     def __repr__(self) -> str:
         n, failed = len(self.variables), len(self.failures)
-        lines = [f"Objective of {self.solver.name}: {n} variables, {len(self._functionals)} functionals, "
+        lines = [f"Objective of {self.solver.name}: {counted(n, 'variable')}, "
+                 f"{counted(len(self._functionals), 'functional')}, "
                  f"from {self.start:g} to {self.end:g} s"]  # fmt: skip
         done = [e for e in self.history if not e.failure]
         best = f", the smallest value {min(e.value for e in done):.9g}" if done else ""
-        lines.append(f"  {self.motions} motions run{best}" + (f"; {failed} failed, the last: " if failed else ""))
+        lines.append(
+            f"  {counted(self.motions, 'motion')} run{best}" + (f"; {failed} failed, the last: " if failed else "")
+        )
         if failed:
             lines[-1] += self.failures[-1].failure
         return "\n".join(lines)

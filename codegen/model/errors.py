@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-_LONG, _MANY, _LINE = 100, 1000, 1200
+from ..wording import nearest as nearest
+
+_LINE = 1200
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +57,6 @@ class ModelError(Exception):
 
     def __str__(self) -> str:
         return "\n".join(str(p) for p in self.problems)
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The hint ``; did you mean 'mass'?`` for a misspelt name; empty if no known name is similar."""
-    if len(name) > _LONG:
-        return ""
-    listed = list(known)
-    if len(listed) > _MANY:  # a comparison with all names would take too long
-        listed = [n for n in listed if n[:2] == name[:2] and abs(len(n) - len(name)) <= 2][:_MANY]
-    matches = difflib.get_close_matches(name, listed, n=1, cutoff=0.6)
-    matches = matches or [n for n in listed if n.lower() == name.lower()]
-    return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
 def within_a_line(text: str) -> str:

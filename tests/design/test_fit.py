@@ -134,7 +134,8 @@ def test_motions_that_fail_on_the_way_are_stepped_back_from(solver):
         (([0, 2, 1], {"x": [0, 0, 0]}, ["mass"]), "increasing"),
         (([-1, 2, 3], {"x": [0, 0, 0]}, ["mass"]), "after its first sample at -1 s"),
         (([0, 1, 2], None, ["mass"]), "no times or no samples"),
-        (([1.0], {"x": [0.0]}, ["mass", "stiffness"]), "1 samples cannot determine 2 variables"),
+        (([1.0], {"x": [0.0]}, ["mass", "stiffness"]), "1 sample cannot determine 2 variables; give more samples or"),
+        (([1.0], {"x": [np.nan]}, ["mass"]), "0 samples cannot determine 1 variable; all samples are NaN"),
         (([0, 1, 2], {"x": [0, 0, 0]}, ["masss"]), "did you mean 'mass'"),
     ],
 )

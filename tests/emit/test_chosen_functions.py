@@ -109,8 +109,8 @@ def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
 @pytest.mark.parametrize(
     ("function", "said"),
     [
-        ("sensitivity", "'sensitivity'; did you mean sensitivities"),
-        ("gradient", "'gradient'; did you mean gradients"),
+        ("sensitivity", "'sensitivity'; did you mean 'sensitivities'"),
+        ("gradient", "'gradient'; did you mean 'gradients'"),
         ("solve_mass", "no function 'solve_mass'; available are accelerations, "),
         ("mass", "no function 'mass'; available are .*, and the groups dynamics, rates, states"),
         ("bias_force", "no function 'bias_force'; available are .*assemble"),
@@ -160,7 +160,7 @@ def test_the_command_takes_functions(tmp_path, capsys):
         "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities",
     ]  # fmt: skip
     assert generate_main([model, "-o", str(tmp_path / "b"), "--functions", "dynamic", "--no-compile"]) == 2
-    assert "did you mean dynamics" in capsys.readouterr().err
+    assert "did you mean 'dynamics'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("chosen", ["initial_sensitivities", "state_rate_sensitivities", "closing_step"])

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection
 
 from ...program.procedure import Procedure
+from ...wording import nearest
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "dynamics": ("accelerations", "sensitivities", "jacobians"),
@@ -97,8 +97,7 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
         names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
         of_word = {p.name for p in found if p.name in names or p.called in names}
         if not of_word and word not in ANYWAY:
-            close = difflib.get_close_matches(word, [*known, *together], 1)
-            hint = f"; did you mean {close[0]}?" if close else ""
+            hint = nearest(word, [*known, *together])
             if word in METHODS:
                 hint = f"; {word} is a method of solvers with {METHODS[word]}: select {METHODS[word]}"
             raise UnknownFunctionError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....wording import nearest
 from ..arrays import Array, Shape, dtype_of, is_finite, once
 from .functions import names_of
 
@@ -343,9 +343,7 @@ def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
 
 def unknown(what: str, name: Any, known: Sequence[str]) -> ValueError:
     """The error for an unknown name, with the known names and the most similar one."""
-    near = difflib.get_close_matches(str(name), known, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    expected = f"; expected one of {some(known)}{hint}" if known else f": {has_none(what)}"
+    expected = f"; expected one of {some(known)}{nearest(name, known)}" if known else f": {has_none(what)}"
     return ValueError(f"{what}: {name!r} is not known{expected}")
 
 
@@ -379,7 +377,7 @@ def has_none(what: str) -> str:
 def no_output(what: str, name: str, known: Sequence[str]) -> ValueError:
     """The error for the name of an output that the model lacks."""
     there = (
-        f"it has {some(known)}"
+        f"it has {some(known)}{nearest(name, known)}"
         if known
         else "it has none; add one under `outputs` of the model file, and generate again"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import itertools
 import operator
@@ -13,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....html_tables import html_of, shapes_of, shapes_text
+from ....wording import nearest
 from ..arrays import Array
 from ..calls.functions import Wanted
 
@@ -99,8 +99,7 @@ def _in_words(wrt: str) -> tuple[str, ...]:
 def _in_order(names: list[str]) -> tuple[str, ...]:
     for name in names:
         if name not in JACOBIANS:
-            near = difflib.get_close_matches(str(name), JACOBIANS, 1, 0.4)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
+            hint = nearest(name, JACOBIANS, cutoff=0.4)
             raise ValueError(f"wrt: udot has no derivative by {name!r}{hint}; allowed are {', '.join(JACOBIANS)}")
     if not names:
         raise ValueError(f"wrt is empty; allowed are {', '.join(JACOBIANS)}; leave it out for all")

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ....wording import counted, nearest, similar
 from ..arrays import Array, Shape
 from ..calls.arguments import name_or_names, some
 
@@ -341,9 +341,7 @@ class Trajectory:
                 f"no derivative by {by!r}: the simulation has none; ask for them, such as by "
                 f"simulate(..., sensitivities=({str(by)!r},))"
             )
-        near = difflib.get_close_matches(str(by), known, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise UnknownNameError(f"no derivative by {by!r}; there are those by {some(known)}{hint}")
+        raise UnknownNameError(f"no derivative by {by!r}; there are those by {some(known)}{nearest(by, known)}")
 
     def _unknown(self, name: str) -> str:
         """The message for the name of a series that does not exist."""
@@ -353,7 +351,7 @@ class Trajectory:
             n: tuple(x for x in (f"q.{n}", f"u.{n}") if x in self) for n in (*self.coordinate_names, *self.speed_names)
         }
         meant |= {n: (n,) for n in (*self.output_names, "t")}
-        near = [x for n in difflib.get_close_matches(str(name), meant, 1) for x in meant[n]]
+        near = meant.get(similar(name, meant) or "", ())
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
         return f"no series {name!r} in the trajectory of {self.model}; there are t, {some(self.names)}{hint}"
 
@@ -847,8 +845,3 @@ def _plain(where: str, value: Any) -> Any:
     if value is None or isinstance(value, PLAIN):
         return value
     raise ValueError(f"{where} is {value!r}; text, numbers, lists and mappings of these are allowed")
-
-
-def counted(n: int, noun: str) -> str:
-    """A number with its noun: ``1 time``, ``2 times``."""
-    return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
