@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .runtime.standalone.arrays import Array
+from .wording import DECIMAL_POINT, decimal_comma
 
 SUFFIXES = (".csv", ".npz")
 TIMES = ("t", "time")
@@ -73,12 +74,17 @@ def _read_csv(path: str) -> dict[str, Array]:
         raise SignalFileError(
             f"{path}:{rows[0][0]}: {','.join(names)}: the first line must contain names, such as t,motor"
         )
+    if any(";" in name for name in names):
+        raise SignalFileError(
+            f"{path}:{rows[0][0]}: {','.join(names)}: names and values are separated by commas, not by semicolons{DECIMAL_POINT}"
+        )
     if len(set(names)) < len(names):
         raise SignalFileError(f"{path}:{rows[0][0]}: {', '.join(names)}: each name may be given once")
     found = np.empty((len(rows) - 1, len(names)))
     for i, (line, row) in enumerate(rows[1:]):
         if len(row) != len(names):
-            raise SignalFileError(f"{path}:{line}: {len(row)} values, expected {len(names)}: {', '.join(names)}")
+            hint = decimal_comma(",".join(row)) if len(row) > len(names) else ""
+            raise SignalFileError(f"{path}:{line}: {len(row)} values, expected {len(names)}: {', '.join(names)}{hint}")
         for k, text in enumerate(row):
             number = _number(text)
             if number is None:

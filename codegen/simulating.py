@@ -15,11 +15,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .arguments import number
 from .cached_solver import read, solver_of
 from .choices import more_choices
 from .ending import NUMBERS_FAILED, Failure
 from .own_files import add_force, refuse_foreign_file
 from .terminal import StatusLine
+from .wording import decimal_comma
 
 if TYPE_CHECKING:
     from .ending import Ending
@@ -82,7 +84,7 @@ class Run:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of ``ordernm simulate``."""
     parser.add_argument("model", help="model file (YAML), or generated package")
-    parser.add_argument("-t", "--time", type=float, metavar="SECONDS", help="end of the motion, which starts at 0")
+    parser.add_argument("-t", "--time", type=number, metavar="SECONDS", help="end of the motion, which starts at 0")
     sampled = parser.add_mutually_exclusive_group()
     sampled.add_argument(
         "--samples",
@@ -122,10 +124,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"interpolation of signals: {', '.join(BETWEEN)} (default: {BETWEEN[0]}); for one input or for all",
     )
     parser.add_argument("--method", choices=METHODS, default=METHODS[0], help="the integrator (default: %(default)s)")
-    parser.add_argument("--step", type=float, metavar="SECONDS", help="step of rk4, first step of other methods")
+    parser.add_argument("--step", type=number, metavar="SECONDS", help="step of rk4, first step of other methods")
     for name, kind in (("rtol", "relative"), ("atol", "absolute")):
         parser.add_argument(
-            f"--{name}", type=float, help=f"{kind} tolerance of dop853 and radau (default: {TOLERANCE:g})"
+            f"--{name}", type=number, help=f"{kind} tolerance of dop853 and radau (default: {TOLERANCE:g})"
         )
     parser.add_argument("-o", "--output", metavar="FILE", help="write the trajectory: .npz, .parquet")
     parser.add_argument("--plot", metavar="FILE", help="draw outputs and their derivatives: .svg, .png, .pdf")
@@ -293,7 +295,7 @@ def times_of(options: argparse.Namespace) -> list[float]:
 def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
     """Converts ``NAME=VALUE``, repeated or separated by commas, to a mapping."""
     found: dict[str, float] = {}
-    for part in (x for several in given for x in several.split(",")):
+    for whole, part in ((several, x) for several in given for x in several.split(",")):
         name, is_there, text = (x.strip() for x in part.partition("="))
         try:
             value = float(text)
@@ -302,7 +304,7 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
         if not (name and is_there and math.isfinite(value)):
             raise RequestError(
                 f"{option} {part}: expected NAME=VALUE with a finite number in SI units (80 mm is 0.08), such as "
-                f"{option} length=1.2"
+                f"{option} length=1.2{'' if is_there else decimal_comma(whole)}"
             )
         if name in found:
             raise RequestError(f"{option}: {name} is given twice, as {found[name]:g} and {value:g}")

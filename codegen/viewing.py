@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .arguments import number
 from .cached_solver import read, solver_of
 from .ending import OK, Failure
 from .own_files import add_force, refuse_foreign_file
@@ -32,7 +33,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm view``."""
     parser.add_argument("model", help="model file (YAML), or generated package with frames")
     motion = parser.add_mutually_exclusive_group()
-    motion.add_argument("-t", "--time", type=float, metavar="SECONDS", help="simulate, and play the motion")
+    motion.add_argument("-t", "--time", type=number, metavar="SECONDS", help="simulate, and play the motion")
     motion.add_argument("--trajectory", metavar="FILE", help="play the motion of a file: .npz, .parquet")
     parser.add_argument("-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
                         help="value of a design parameter, in SI units (default: as in the model)")  # fmt: skip

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 _LONG, _MANY = 100, 1000
+
+DECIMAL_POINT = "; a decimal point is written ., as in 0.6"
+"""A hint for numbers that seem to have a decimal comma."""
+
+_DECIMAL_COMMA = re.compile("[0-9],[0-9]")
+
+
+def decimal_comma(text: str) -> str:
+    """A hint if a text has a comma between two digits; otherwise empty."""
+    return DECIMAL_POINT if _DECIMAL_COMMA.search(text) else ""
 
 
 def counted(n: int, one: str, many: str = "") -> str:

@@ -17,7 +17,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import codegen
-from codegen import cached_solver, generation, simulating, terminal
+from codegen import cached_solver, cli, generation, simulating, terminal
 from codegen.cli import main
 from codegen.runtime import AssemblyError, SingularLoopError, Solver
 from codegen.runtime.standalone.trajectory.trajectory import FINISHED, INTERRUPTED, Trajectory
@@ -332,6 +332,10 @@ WRONG = {
     "-t 1 -p =2": "-p =2: expected NAME=VALUE",
     "-t 1 -p length=inf": "-p length=inf: expected NAME=VALUE with a finite number",
     "-t 1 --inputs torque": "--inputs torque: expected NAME=VALUE",
+    "-t 1 -p length=0,6": "such as -p length=1.2; a decimal point is written ., as in 0.6",
+    "-t 1 --inputs torque=0,6": "such as --inputs length=1.2; a decimal point is written ., as in 0.6",
+    "-t 1 --inputs semicolons.csv": "t;torque: names and values are separated by commas, not by semicolons; a decimal point",
+    "-t 1 --inputs commas.csv": "commas.csv:2: 4 values, expected 2: t, torque; a decimal point is written ., as in 0.6",
     "-t 1 -p length=1 -p length=2": "length is given twice, as 1 and 2",
     "-t 1 -p lenght=1": "did you mean 'length'",
     "-t 1 --inputs torqe=1": "did you mean 'torque'",
@@ -347,6 +351,8 @@ WRONG = {
 @pytest.mark.parametrize("arguments", WRONG)
 def test_wrong_requests_are_one_line_and_exit_code_2(here, capsys, arguments):
     Path("folder.npz").mkdir()
+    Path("semicolons.csv").write_text("t;torque\n0,0;1,5\n1,0;2,5\n")
+    Path("commas.csv").write_text("t,torque\n0,0,1,5\n1,0,2,5\n")
     before = sorted(os.listdir())
     assert run("swing.yaml", *arguments.split()) == 2
     assert WRONG[arguments] in one_line(capsys)
@@ -360,6 +366,27 @@ def test_wrong_usage(here, capsys, arguments):
     with pytest.raises(SystemExit) as end:
         run(*arguments.split())
     assert end.value.code == 2 and "usage: ordernm simulate" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        ("simulate", "-t"),
+        ("simulate", "--rtol"),
+        ("simulate", "--step"),
+        ("view", "-t"),
+        ("report", "-t"),
+        ("export", "--stop"),
+    ],
+)
+def test_numbers_that_are_none_say_how_numbers_are_written(command, option, capsys):
+    for text, hint in (
+        ("0,6", "a decimal point is written ., as in 0.6"),
+        ("1s", "give a number without a unit, such as 0.6"),
+    ):
+        with pytest.raises(SystemExit):
+            cli.main([command, "swing.yaml", option, text])
+        assert capsys.readouterr().err.endswith(f": {text!r} is not a number; {hint}\n")
 
 
 def test_files_are_looked_at_before_the_work(here, capsys, monkeypatch):

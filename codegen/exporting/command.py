@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from ..arguments import number
 from ..ending import OK, Failure
 from ..own_files import add_force
 from ..terminal import StatusLine, write_lines
@@ -36,7 +37,7 @@ def add_export_arguments(parser: argparse.ArgumentParser) -> None:
                              "(default: this machine)")  # fmt: skip
     of_fmu.add_argument("--method", choices=("dop853", "radau"), help="integrator of Co-Simulation (default: dop853)")
     of_fmu.add_argument("--energies", action="store_true", help="add both energies to the outputs")
-    of_fmu.add_argument("--stop", type=float, metavar="SECONDS", help="end of the default experiment (default: 1)")
+    of_fmu.add_argument("--stop", type=number, metavar="SECONDS", help="end of the default experiment (default: 1)")
     add_force(parser)
 
 

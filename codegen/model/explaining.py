@@ -6,10 +6,10 @@ from typing import Any, Final, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
+from ..wording import DECIMAL_POINT
 from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, shown
 from .errors import nearest
 from .forces import OTHER_WORDS
-from .grammar import DECIMAL_POINT
 from .joints import JOINTS
 from .positions import Path_
 from .schema import JointEntry, LoopJointEntry, ShapeEntry

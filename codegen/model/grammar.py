@@ -54,9 +54,6 @@ def functions(name: str) -> str:
 MEASURED: Final = ("position", "velocity")
 """Measures of points in expressions, by components in the ground frame: ``position.tip.x``."""
 
-DECIMAL_POINT: Final = "; a decimal point is written ., as in 0.6"
-"""A hint for numbers that seem to have a decimal comma."""
-
 MAX_LENGTH: Final = 10_000
 MAX_NESTING: Final = 100
 MAX_DEPTH: Final = 200

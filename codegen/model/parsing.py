@@ -9,11 +9,11 @@ from functools import lru_cache
 from typing import NoReturn
 
 from ..elementary import TABLE
+from ..wording import decimal_comma
 from .expressions import Expression, canonical
 from .grammar import (
     AT_LEAST,
     CHOICE,
-    DECIMAL_POINT,
     EXACT,
     FUNCTIONS,
     MAX_DEPTH,
@@ -43,12 +43,6 @@ _WORDS = ("and", "or", "not")
 _CONDITIONAL = ("if", "then", "else", "elif")
 _CHOICE = f"a choice is written {WRITTEN_OUT['if']}"
 _LEADING_ZERO = re.compile(r"0[0-9]")
-
-
-def decimal_comma(text: str, at: int) -> str:
-    """A hint if the comma at a place of a text has digits on both sides; otherwise empty."""
-    between = text[max(at - 1, 0) : at + 2]
-    return DECIMAL_POINT if re.fullmatch("[0-9],[0-9]", between) else ""
 
 
 def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
@@ -94,7 +88,7 @@ def parse(text: str) -> Expression:
         if parser.token == ")":
             parser.fail("a closing parenthesis without an opening one; remove it")
         if parser.token == ",":
-            hint = decimal_comma(text, parser.start) or "; remove it"
+            hint = decimal_comma(text[parser.start - 1 : parser.start + 2]) or "; remove it"
             parser.fail(f"a comma outside a function's parentheses{hint}")
         if parser.token in (*_COMPARED, *_CONDITIONAL) or text[: parser.start].split()[-1:] == ["if"]:
             parser.fail(f"{parser.token!r} follows a complete expression; {_CHOICE}")
@@ -278,8 +272,7 @@ class _Parser:
         self.close(opened)
         needed, many = FUNCTIONS[name], TABLE[name].many
         if len(arguments) != needed and not (many and len(arguments) > needed):
-            commas = (self.text.find(",", k) for k in range(opened, self.start))
-            hint = next((h for k in commas if (h := decimal_comma(self.text, k))), "")
+            hint = decimal_comma(self.text[opened : self.start])
             self.fail(
                 f"{name} with {len(arguments)} argument{'s' * (len(arguments) > 1)}; "
                 f"it takes {'at least ' * many}{needed}{hint}",

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..arguments import number
 from ..ending import MODEL_WRONG, NUMBERS_FAILED, OK, Failure
 from ..own_files import add_force
 
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", help="model file (YAML), or a folder of them")
     parser.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
     parser.add_argument(
-        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="duration of the motions (default: 5)"
+        "-t", "--time", type=number, metavar="SECONDS", default=5.0, help="duration of the motions (default: 5)"
     )
     parser.add_argument(
         "--compare",
