@@ -127,10 +127,7 @@ def generate(
     check_flags(reactions=reactions, frames=frames, check=check, force=force)
     if not isinstance(compile, bool) and compile != "all":
         raise ValueError(f"compile is {compile!r}; allowed are True, False and 'all'")
-    if isinstance(functions, str):
-        functions = [name.strip() for name in functions.split(",")]
-    elif functions is not None:
-        functions = _names(functions)
+    functions = names_of(functions)
     if scalar != scalars[0] and target != "c":
         raise ValueError(
             f"scalar is {scalar!r}, which only the C target supports; target is {target!r}, but must be 'c'"
@@ -310,8 +307,12 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     return made | {"model.json": seal(json_text(manifest))}
 
 
-def _names(functions: object) -> list[str]:
-    """The names of the selected functions, as a list."""
+def names_of(functions: object) -> list[str] | None:
+    """The names of the selected functions as a list; None, if all are selected."""
+    if functions is None:
+        return None
+    if isinstance(functions, str):
+        return [name.strip() for name in functions.split(",")]
     found = []
     for name in functions if isinstance(functions, Iterable) and not isinstance(functions, bytes) else [functions]:
         if not isinstance(name, str):

@@ -23,6 +23,11 @@ def counted(n: int, one: str, many: str = "") -> str:
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 
+def with_article(what: str) -> str:
+    """The noun with its article: ``an input``, ``a body``."""
+    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
+
+
 def similar(name: object, known: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The known name that is most similar to a misspelt one; None if no known name is similar.
 

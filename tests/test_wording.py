@@ -84,6 +84,20 @@ def test_names_in_other_case_are_suggested_everywhere(press, call, hint):
     assert str(caught.value).endswith(f"; did you mean {hint!r}?".replace('"', "'"))
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda s: codegen.objective(s, 0.1, Final("A"), "L"),
+        lambda s: codegen.fit(s, [0.1], {"A": [0.9]}, "L"),
+        lambda s: codegen.simulate_many(s, 0.1, p={"L": [0.8, 0.9]}),
+        lambda s: codegen.sweep(s, {"L": [0.8, 0.9]}, lambda solver, case: {"x": 1.0}),
+    ],
+)
+def test_objects_in_place_of_a_solver_are_refused(call):
+    with pytest.raises(TypeError, match=r"^expected a solver, as ordernm\.load returns it, not a Model"):
+        call(codegen.parse_model(PRESS))
+
+
 def test_objectives_count_their_nouns(press):
     found = codegen.objective(press, 0.1, Final("A"), "L")
     assert "1 variable, 1 functional, " in repr(found) and "0 motions run" in repr(found)

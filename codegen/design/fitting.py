@@ -17,6 +17,7 @@ from .experiments import Experiment, take_experiments
 from .failures import FAILURES
 from .fit_curvature import check_hessian, full_hessian
 from .fit_result import Fit
+from .given_solver import check_given
 from .variables import Wanted
 
 UNDETERMINED = 1e-9
@@ -135,6 +136,7 @@ def fit(
     # long: the docstring describes every argument
     from scipy.optimize import least_squares
 
+    check_given(solver)
     if taken := [word for word in ("on_failure", "sensitivities", "dq0", "du0") if word in options]:
         raise ValueError(f"fit does not take {taken[0]}, because it sets it itself; leave it out")
     if not 0.0 <= undetermined < 1.0:

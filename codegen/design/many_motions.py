@@ -17,6 +17,7 @@ from ..runtime.standalone.errors import SimulationError
 from ..runtime.standalone.trajectory.trajectory import Trajectory
 from ..terminal import with_status
 from .failures import FAILURES
+from .given_solver import check_given
 
 
 @dataclass(slots=True, eq=False)
@@ -174,6 +175,7 @@ def simulate_many(
     """
     # long: the docstring describes every argument
     _check(options, threads, progress)
+    check_given(solver)
     several = _rows(solver, q, u, p, inputs)
     n = len(several)
     found: list[Trajectory | None] = [None] * n

@@ -24,6 +24,7 @@ from .constraints import bounds_of, dictionaries, nonlinear
 from .curvature import Curvatures
 from .evaluated_points import Combine, Evaluation, Point
 from .failures import FAILURES
+from .given_solver import check_given
 from .outcome import Outcome
 from .variables import Variables, Wanted
 
@@ -540,6 +541,7 @@ def objective(
         raise ValueError("integrator 'rk4' takes constant steps: give step, s")
     settings = {"method": method, "integrator": integrator, "rtol": rtol, "atol": atol, **options}
     span = _span(t)
+    check_given(solver)
     return Objective(
         solver, span, functionals, Variables(solver, variables, q, u, p, inputs, span), weights=weights, combine=combine,
         on_failure=on_failure, options=settings,

@@ -20,6 +20,7 @@ from typing import Any
 from ..runtime.standalone.calls.threads import processors
 from ..runtime.standalone.warning import warn
 from ..terminal import with_status
+from .given_solver import check_given
 from .sweep_cases import Case, key, listed
 from .sweep_journal import Journal, Row
 from .sweep_result import Sweep
@@ -112,6 +113,7 @@ def sweep(
     # long: the docstring describes every argument and result
     if not callable(measure):
         raise TypeError(f"measure is {type(measure).__name__}, expected a function of the solver and a case")
+    check_given(solver)
     if chunk is not None and (not isinstance(chunk, int) or chunk < 1):
         raise ValueError(f"chunk is {chunk!r}, expected a number of cases from 1 on")
     if executor is not None and not callable(executor) and not hasattr(executor, "submit"):

@@ -13,7 +13,7 @@ from ..emit.c import C
 from ..emit.repetition import json_text
 from ..emit.templates import render
 from ..folders import refuse_foreign, write_folder
-from ..generation import check_flags
+from ..generation import check_flags, names_of
 from ..model.loading import load_model
 from ..model.model import Model
 from ..pipeline import write_solver
@@ -141,7 +141,7 @@ def export_c(
     model = model if isinstance(model, Model) else load_model(model)
     path = Path("exported", model.name) if folder is None else Path(folder)
     keep = refuse_foreign(path, force)
-    names = functions.split(",") if isinstance(functions, str) else functions
+    names = names_of(functions)
     source = write_solver(model, functions=names, scalar=scalar, progress=progress)
     wanted = (f"{model.name}.c", f"{model.name}.h", f"{model.name}_directions.h")
     code = {file: source.files[file] for file in wanted if file in source.files}

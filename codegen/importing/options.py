@@ -36,9 +36,14 @@ def options_of(given: Mapping[str, Any]) -> Options:
     ------
     TypeError
         If there is no option of that name.
+    ValueError
+        If an option that is true or false has another value.
     """
     known = [f.name for f in fields(Options)]
     for name in given:
         if name not in known:
             raise TypeError(f"an import has no option {name!r}; options are {', '.join(known)}{nearest(name, known)}")
+    for f in fields(Options):
+        if f.type == "bool" and not isinstance(given.get(f.name, False), bool):
+            raise ValueError(f"{f.name} is {given[f.name]!r}; allowed are True and False")
     return Options(**given)

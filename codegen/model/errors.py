@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..wording import nearest as nearest
+from ..wording import with_article as with_article
 
 _LINE = 1200
 
@@ -67,8 +68,3 @@ def within_a_line(text: str) -> str:
 def count_of_values(count: int) -> str:
     """The number with its noun: ``1 value``, ``2 values``."""
     return f"{count} value" + "s" * (count != 1)
-
-
-def with_article(what: str) -> str:
-    """The noun with its article: ``an input``, ``a body``."""
-    return f"an {what}" if what[0] in "aeiou" else f"a {what}"

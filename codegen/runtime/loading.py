@@ -8,7 +8,9 @@ import os
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
+from ..wording import with_article
 from .sections import CARRIED, is_carried
 from .solver import Solver
 from .standalone.errors import PackageError
@@ -51,8 +53,7 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     >>> pendulum.nq, pendulum.target
     (1, 'numpy')
     """
-    if not isinstance(folder, (str, os.PathLike)):
-        raise TypeError(f"{type(folder).__name__} is given; the folder of a generated package is needed")
+    _check_path(folder, "the folder of a generated package")
     if "\n" in os.fspath(folder):
         raise PackageError("this is a text of several lines; the folder of a generated package is needed")
     path = Path(folder).absolute()
@@ -88,7 +89,14 @@ def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     >>> ordernm.load_trajectory("swing.npz").model
     'double_pendulum'
     """
+    _check_path(path, "the file of a trajectory")
     return Trajectory.load(path)
+
+
+def _check_path(given: Any, wanted: str) -> None:
+    """Raises TypeError for an object that is no path."""
+    if not isinstance(given, (str, os.PathLike)):
+        raise TypeError(f"{with_article(type(given).__name__)} is given; {wanted} is needed")
 
 
 def _is_sealed(path: Path) -> bool:

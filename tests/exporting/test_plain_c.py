@@ -121,6 +121,13 @@ def test_wrong_arguments_are_refused(export, tmp_path):
         export("examples/pendulum.yaml", tmp_path / "written", force="no")
 
 
+def test_functions_and_times_of_other_types_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="functions contains 3, expected names such as"):
+        codegen.export_c("examples/pendulum.yaml", tmp_path / "written", functions=3)
+    with pytest.raises(ValueError, match="stop='1', expected a positive number of seconds"):
+        codegen.export_fmu("examples/pendulum.yaml", tmp_path / "written", stop="1")
+
+
 def test_wrong_requests_are_refused(tmp_path, capsys):
     model, out = str(EXAMPLES / "pendulum.yaml"), str(tmp_path / "c")
     assert cli.main(["export", model, "--c", "-o", out, "--functions", "speed"]) == 2

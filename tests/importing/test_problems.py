@@ -97,6 +97,12 @@ def test_files_that_are_none_are_told(tmp_path):
             codegen.import_model(path)
 
 
+def test_flags_are_true_or_false(tmp_path):
+    for name in ("motors", "repair", "keep_fixed", "free_mimic", "exact_angles"):
+        with pytest.raises(ValueError, match=f"^{name} is 'no'; allowed are True and False$"):
+            codegen.import_model(tmp_path / "robot.urdf", **{name: "no"})
+
+
 def test_models_need_no_import(tmp_path):
     path = tmp_path / "press.yaml"
     path.write_text("model: press\n")

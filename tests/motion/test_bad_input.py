@@ -81,6 +81,7 @@ CHAOTIC = ({"crank": 0.8}, {"crank": 3.0})
         ({"events": Event("swing", np.nan)}, r"the level of swing is nan"),
         ({"events": Event("swing", level="max")}, r"the level of swing is 'max', expected a finite number"),
         ({"events": Event("swing", level=None)}, r"the level of swing is None, expected a finite number"),
+        ({"events": Event("swing", direction=["up"])}, r"direction is \['up'\]; allowed are 'up', "),
         ({"events": Event("swing", stop="no")}, r"stop is 'no'; allowed are True and False"),
     ],
 )  # fmt: skip

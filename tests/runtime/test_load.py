@@ -41,8 +41,10 @@ def test_a_folder_without_package_is_told(tmp_path):
         PackageError, match="this is a text of several lines; the folder of a generated package is needed"
     ):
         codegen.load(MODEL)
-    with pytest.raises(TypeError, match=r"^Model is given; the folder of a generated package is needed"):
+    with pytest.raises(TypeError, match=r"^a Model is given; the folder of a generated package is needed"):
         codegen.load(codegen.parse_model(MODEL))
+    with pytest.raises(TypeError, match=r"^an int is given; the file of a trajectory is needed"):
+        codegen.load_trajectory(3)
 
 
 def test_a_model_file_in_place_of_a_package_is_told(tmp_path):

@@ -9,6 +9,7 @@ import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +139,7 @@ def export_fmu(
         raise ValueError(f"fmi={fmi!r}, expected one of {', '.join(VERSIONS)}")
     if method not in METHODS or method == "rk4":
         raise ValueError(f"method={method!r}, expected dop853 or radau, which choose their steps")
-    if not 0.0 < stop < float("inf"):
+    if not isinstance(stop, Real) or not 0.0 < stop < float("inf"):
         raise ValueError(f"stop={stop!r}, expected a positive number of seconds")
     wanted = chosen(platforms, fmi)
     check_flags(energies=energies, force=force)

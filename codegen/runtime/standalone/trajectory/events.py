@@ -150,7 +150,7 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
             )
         if e.output not in output_names:
             raise no_output("events", e.output, output_names)
-        if e.direction not in DIRECTIONS:
+        if e.direction not in [*DIRECTIONS]:
             raise ValueError(f"events: direction is {e.direction!r}; allowed are {', '.join(map(repr, DIRECTIONS))}")
         if not _is_finite(e.level):
             raise ValueError(f"events: the level of {e.output} is {e.level!r}, expected a finite number")
