@@ -79,7 +79,7 @@ def test_a_motion_by_files_is_that_of_python(files: Path, capsys) -> None:
         ("t\n0\n1\n", "no signal"), ("t,push,push\n0,1,2\n", "each name may be given once"),
         ("t,push\n", "has names but no numbers"),
         ("t,,push\n0,1,2\n", "first line must contain names"), ("t,time,push\n0,1,2\n", "named t or time"),
-        ("t;push\n0;1\n", "t;push is '0;1', expected a finite number"),
+        ("t;push\n0;1\n", "names and values are separated by commas, not by semicolons"),
     ],
 )  # fmt: skip
 def test_bad_tables_are_refused_with_their_lines(files: Path, text: str, says: str) -> None:

@@ -143,6 +143,8 @@ def check_inertia(
                 "write check: warn beside xx, yy, ..."
             )
             yield i, ("inertia",), message, "error"
+    if is_whole and _is_planar(bodies):
+        return
     broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
     for i in _where(broken & (scale > dirt)):
         a, b, c = moments[i] * scale[i]
@@ -151,6 +153,27 @@ def check_inertia(
             f"({c:.6g} > {a:.6g} + {b:.6g}), which is impossible; it has no effect in a planar model"
         )
         yield i, ("inertia",), message, "warning"
+
+
+def _is_planar(bodies: Sequence[Body]) -> bool:
+    """Whether all bodies rotate about one coordinate axis at most, and slide across it, by joints without rotated frames; then
+    only moments of inertia about this axis have an effect."""
+    turned: set[int] = set()
+    across: set[int] = {0, 1, 2}
+    for joint in (b.joint for b in bodies):
+        if joint.rotation or joint.type not in ("fixed", "revolute", "prismatic"):
+            return False
+        for axis in joint.axes:
+            if any(e.tree[0] != "number" for e in axis):
+                return False
+            along = {i for i, e in enumerate(axis) if e.value}
+            if joint.type == "prismatic":
+                across -= along
+            elif len(along) != 1:
+                return False
+            else:
+                turned |= along
+    return len(turned) <= 1 and turned <= across
 
 
 def _where(condition: np.ndarray) -> list[int]:

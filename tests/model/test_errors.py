@@ -52,6 +52,21 @@ def test_the_model_the_others_are_made_from_is_good():
 
 
 @pytest.mark.parametrize(
+    ("joint", "warns"),
+    [
+        ("{type: revolute, axis: -y}", False), ("{type: prismatic, axis: [1, 0, 1]}", False), ("{type: fixed}", False),
+        ("{type: revolute, axis: x}", True), ("{type: prismatic, axis: [1, 1, 0]}", True), ("{type: spherical}", True),
+        ("{type: revolute, axis: y, rotate: [{axis: z, angle: 0.3}]}", True), ("{type: screw, axis: y, pitch: 0.1}", True),
+    ],
+)  # fmt: skip
+def test_moments_without_effect_in_planar_models_cause_no_warning(joint, warns):
+    body = "{{parent: {}, joint: {}, mass: 1, inertia: {{{}}}}}"
+    model = "model: m\nbodies:\n  a: " + body.format("ground", "{type: revolute, axis: y}", "yy: 0.1") + "\n  b: "
+    said = parse_model(model + body.format("a", joint, "xx: 1, yy: 1, zz: 1")).warnings
+    assert any("triangle" in w for w in said) == warns
+
+
+@pytest.mark.parametrize(
     ("old", "new", "line"),
     [
         ("    mass: 2*L", "    mas: 2*L", "m.yaml:10:5: bodies.arm.mas: unknown key 'mas'; * did you mean 'mass'?"),
