@@ -163,8 +163,8 @@ def test_huge_loops_are_told_without_a_warning_of_numpy(old: str, new: str, said
 
 def test_warnings_of_any_number_are_no_mistakes() -> None:
     lines = [
-        f"  b{i}: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, com: [1, 0, 0], inertia: {{yy: 1}}}}"
-        for i in range(250)
+        f"  b{i}: {{parent: ground, joint: {{type: revolute, axis: {x}}}, mass: 1, com: [1, 1, 0], inertia: {{{x}{x}: 1}}}}"
+        for i, x in enumerate("xy" * 125)
     ]
     text = "\n".join(["model: many", "bodies:", *lines, ""])
     assert len(parse_model(text).warnings) == 250
