@@ -86,8 +86,9 @@ def test_prescribed_motion_and_rotors_agree(more: Any, tmp_path: Path) -> None:
     agree(model, tmp_path, 1e-10, state)
 
 
-def test_couplings_agree(tmp_path: Path) -> None:
-    found = coupled_tree(np.random.default_rng(2), 4, EVERY, 2)
+@pytest.mark.parametrize(("bodies", "couplings"), [(3, 1), pytest.param(4, 2, marks=pytest.mark.campaign)])
+def test_couplings_agree(bodies: int, couplings: int, tmp_path: Path) -> None:
+    found = coupled_tree(np.random.default_rng(2), bodies, EVERY, couplings)
     assert found is not None
     agree(found[0], tmp_path, 1e-11, found[1])
 
