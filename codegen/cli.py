@@ -154,16 +154,19 @@ def print_report(report: Any, verbose: bool = False) -> None:
 
 def run_check(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm check``: reads a model, closes its loops, and lists problems."""
+    from .pipeline import look_ahead
     from .summary import first
     from .wording import counted
 
     model = _load(options.model, status)
-    choice = _choice(model, options.model, status, expand=True)
+    chosen = _choose(model, options.model, status)
+    status("expanding", 0, 0)
+    look_ahead(model, chosen)
     status.close()
     warnings = first(model.warnings, PROBLEMS, "warning: {} more like these")
     sizes = ", ".join((counted(len(model.bodies), "body", "bodies"), counted(model.nq, "coordinate"),
                        counted(model.nu, "speed")))  # fmt: skip
-    lines = [*warnings, f"{options.model}: {sizes}: ok", *(f"  {line}" for line in choice)]
+    lines = [*warnings, f"{options.model}: {sizes}: ok", *(f"  {line}" for line in _described(model, chosen))]
     write_lines(lines, sys.stdout, ["warning" if "warning: " in line else "" for line in lines])
     return OK
 
@@ -175,41 +178,29 @@ def _load(file: str, status: StatusLine) -> Any:
     return load_model(file)
 
 
-def _choice(model: Any, file: str, status: StatusLine, regions: bool = False, expand: bool = False) -> list[str]:
-    """The choice of dependent coordinates as text, with regions on request.
-
-    Raises ModelError if loops cannot be closed, or, with `expand`, if the model has no solver for another reason.
-    """
+def _choose(model: Any, file: str, status: StatusLine) -> Any:
+    """The choice of dependent coordinates, or None for a model without loops; ModelError if loops cannot be closed."""
     if not model.loops:
-        if expand:
-            _expand(model, None, status)
-        return []
-    from .loops.description import describe
+        return None
     from .loops.errors import AssemblyError, PartitionError
     from .loops.partition import partition
     from .model.errors import ModelError, Problem
-    from .summary import first
 
     status("choosing dependent coordinates", 0, 0)
     try:
-        chosen = partition(model)
-        lines = first(describe(model, chosen), PROBLEMS, "and {} lines more")
+        return partition(model)
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
-    if expand:
-        _expand(model, chosen, status)
-    if not regions:
-        return lines
-    from .mechanics.structure.description import describe_regions
-
-    return lines + describe_regions(model, chosen)
 
 
-def _expand(model: Any, chosen: Any, status: StatusLine) -> None:
-    from .pipeline import look_ahead
+def _described(model: Any, chosen: Any) -> list[str]:
+    """The choice of dependent coordinates as text."""
+    if chosen is None:
+        return []
+    from .loops.description import describe
+    from .summary import first
 
-    status("expanding", 0, 0)
-    look_ahead(model, chosen)
+    return first(describe(model, chosen), PROBLEMS, "and {} lines more")
 
 
 def run_show(options: argparse.Namespace, status: StatusLine) -> int:
@@ -224,7 +215,10 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     model = _load(options.model, status)
     lines = list_model(model, options.verbose)
     try:
-        lines += [f"  {line}" for line in _choice(model, options.model, status, regions=True)]
+        if (chosen := _choose(model, options.model, status)) is not None:
+            from .mechanics.structure.description import describe_regions
+
+            lines += [f"  {line}" for line in (*_described(model, chosen), *describe_regions(model, chosen))]
     finally:  # write the lines even if loops cannot be closed
         status.close()
         write_lines(lines, sys.stdout)

@@ -42,7 +42,7 @@ class Curvatures:
     ):  # fmt: skip
         self._solver, self._variables, self._span, self._functionals = solver, variables, (start, end), functionals
         self._options = {name: value for name, value in options.items() if name != "method"}
-        self._known: OrderedDict[tuple[bytes, int], Array] = OrderedDict()
+        self._known: OrderedDict[bytes, Array] = OrderedDict()
         self.motions = 0
 
     def products(self, x: ArrayLike, v: ArrayLike, which: Sequence[int]) -> Array:
@@ -59,10 +59,9 @@ class Curvatures:
             raise ValueError(f"hessp: the direction is {v!r}, expected {n} finite numbers")
         if n > WHOLE:
             return self._computed(x, direction[None], which)[:, 0]
-        # an optimiser with constraints needs the Hessians of all functionals at a point
-        every = range(len(self._functionals))
-        key = x.tobytes(), len(every)
-        if key not in self._known:
+        key, every = x.tobytes(), range(len(self._functionals))
+        if len(self._known.get(key, ())) < len(every):  # constraints may have been added since
+            # an optimiser with constraints needs the Hessians of all functionals at a point
             self._known[key] = self._computed(x, np.eye(n), every)
             while len(self._known) > KEPT:
                 self._known.popitem(last=False)

@@ -107,26 +107,33 @@ class Measures(WithLoops):
         """The function; `begin` sets the adjoints `bars` of results to the weights."""
         gradient = tuple(self.w.one(f"dg{a.name}") for a in given)
         self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
-        sums = (*self.sums, *self.energies)
         weighted = " + ".join(f"{a.name} . {a.name.removesuffix('_weights')}" for a in weights)
-        checks = (Check(True),) if self.w.formula_pivots and OUTPUTS in self.over else ()
         return Procedure(
             name,
             f"Products of the Hessian of {weighted} with directions.",
             (*given, *weights),
             gradient,
-            (
-                *self.start,
-                *(step for a in sums for step in (Own(a), Zero(a))),
-                *self.coefficients,
-                *run(*self.of_values),
-                *self._adjoints(),
-                *self._along(gradient),
-                *checks,
-            ),
+            self.steps(gradient),
             tuple(a.tangent() for a in given),
             OTHER_WIDTHS,
         )
+
+    def steps(self, gradient: tuple[Array, ...]) -> tuple[Step, ...]:
+        """The steps of the function."""
+        checks = (Check(True),) if self.w.formula_pivots and OUTPUTS in self.over else ()
+        return (
+            *self.start,
+            *self.no_sums(),
+            *self.coefficients,
+            *run(*self.of_values),
+            *self._adjoints(),
+            *self._along(gradient),
+            *checks,
+        )
+
+    def no_sums(self) -> tuple[Step, ...]:
+        """Steps that set the quantities to zero, to which sweeps add."""
+        return tuple(step for a in (*self.sums, *self.energies) for step in (Own(a), Zero(a)))
 
     # -- values ----------------------------------------------------------------------------------------------------
 

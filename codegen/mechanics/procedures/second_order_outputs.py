@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from ...program.procedure import (
@@ -28,7 +27,7 @@ from .second_order_loops import WITH_WRENCHES, WithLoops
 from .second_order_measures import OUTPUT_PRODUCTS, Measures
 from .second_order_trees import TreeSteps
 from .shared import Shared, performed
-from .words import OTHER_WIDTHS, OUTPUTS
+from .words import OUTPUTS
 
 
 def lacking(w: Shared) -> str:
@@ -99,21 +98,11 @@ class AfterSolution(Measures):
         self.found_dudot = self.dudot.called("found_dudot")
         self.virtual = self.udot.called("virtual_motion")
 
-    def procedure(
-        self,
-        name: str,
-        given: tuple[Array, ...],
-        weights: tuple[Array, ...],
-        begin: tuple[Step, ...],
-        bars: Iterable[Array] = (),
-    ) -> Procedure:
-        """The function; `begin` sets the adjoints `bars` of results to the weights."""
-        w = self.w
-        gradient = tuple(w.one(f"dg{a.name}") for a in given)
-        self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
+    def steps(self, gradient: tuple[Array, ...]) -> tuple[Step, ...]:
+        """The steps of the function."""
+        w, udot_bar = self.w, self.udot_bar
+        bars = [a for a in self.given_bars if a not in self.sum_bars]
         self.sum_bars += [driving_bar(w)] if self.driven else []
-        sums = (*self.sums, *self.energies)
-        udot_bar = self.udot_bar
         solved: list[Step] = [
             Own(self.virtual),
             Single(SOLVE, ((self.right, udot_bar),), ((self.dudot, self.virtual),)),
@@ -124,27 +113,19 @@ class AfterSolution(Measures):
         if w.loops:
             known = (self.weights_along, self.found_dudot)
             solved, second = [], [*self.second.adjoints(udot_bar, self.virtual), *self.second.along(gradient, known)]
-        return Procedure(
-            name,
-            "Products of the Hessian of output_weights . output with directions.",
-            (*given, *weights),
-            gradient,
-            (
-                *w.solved,
-                *(self.second.values() if w.loops else ()),
-                *(step for a in sums for step in (Own(a), Zero(a))),
-                *run(*self.of_values),
-                *map(Own, (*self.sum_bars, *self.bars, *self.zero, *bars)),
-                *(step for a in solution_bars(w) for step in (Own(a), Zero(a))),
-                *(self._of_driving() if self.driven else ()),
-                self._all_back("", self.sweeps),
-                *solved,
-                *self._first_along(gradient),
-                *second,
-                *((Check(True),) if w.formula_pivots else ()),
-            ),
-            tuple(a.tangent() for a in given),
-            OTHER_WIDTHS,
+        return (
+            *w.solved,
+            *(self.second.values() if w.loops else ()),
+            *self.no_sums(),
+            *run(*self.of_values),
+            *map(Own, (*self.sum_bars, *self.bars, *self.zero, *bars)),
+            *(step for a in solution_bars(w) for step in (Own(a), Zero(a))),
+            *(self._of_driving() if self.driven else ()),
+            self._all_back("", self.sweeps),
+            *solved,
+            *self._first_along(gradient),
+            *second,
+            *((Check(True),) if w.formula_pivots else ()),
         )
 
     # -- values ----------------------------------------------------------------------------------------------------
@@ -157,7 +138,8 @@ class AfterSolution(Measures):
             values, sweeps = (Own(self.force), *run("found_motion", "missing_forces")), self.tree.sweeps[-3:]
         return [
             *values,
-            *(step for a in (self.force_bar,) for step in (Own(a), Zero(a))),
+            Own(self.force_bar),
+            Zero(self.force_bar),
             performed(
                 "adjoints_of_driving",
                 "Derivatives of the weighted forces of prescribed motion by udot and by the wrenches of loops.",
