@@ -130,3 +130,35 @@ def observed_mechanism(seed: int, **options: Any) -> tuple[Model, RandomState]:
     """A mechanism whose outputs read no accelerations."""
     model, state = every_output_of_a_mechanism(seed, **options)
     return without_accelerations(model), state
+
+
+def inverse_products(solver: codegen.Solver, state: tuple[Any, ...], weights: Any, **seeds: np.ndarray) -> Any:
+    """Products of the inverse dynamics; the state's last entry is udot."""
+    q, u, p, inputs, t, udot = state
+    return solver.inverse_dynamics_hessian_products(q, u, udot, p, inputs, t, weights=weights, **seeds)
+
+
+def inverse_gradient(exact: Any, state: Any, weights: Any) -> Any:
+    """The gradient of weighted forces of the inverse dynamics at each row's state, from derivatives along all units."""
+    q, u, p, inputs, t, udot = state
+    seeds = {n: x[:, None] for n, x in directions(exact, [x[0] for x in state]).items() if x.size}
+    _, dforce = exact.inverse_dynamics_sensitivities(q, u, udot, p, inputs, t, **seeds)
+    return (dforce @ weights).T
+
+
+def agree_with_differences(
+    model: Model, state: Any, weights: np.ndarray, folder: Path, products: str, limit: float
+) -> None:
+    """Check every entry relative to the largest, and the symmetry of entries that can be chosen independently."""
+    gradients = products.replace("hessian_products", "gradients")
+    closed = ",assemble_sensitivities" if model.closure_names else ""
+    solver = made(model, folder, functions=f"{gradients},{products}{closed}")
+    H, reference = hessian(solver, state, weights, products), differences(solver, state, weights, gradients)
+    largest = np.abs(reference).max()
+    assert largest > 0
+    assert np.abs(H - reference).max() < limit * largest
+    apart = True
+    if closed:
+        *_, dq, _ = solver.assemble_sensitivities(*state, dq=np.eye(state.q.size))
+        apart = kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
+    assert np.abs(H - H.T).max() < 1e-13 * largest or not apart

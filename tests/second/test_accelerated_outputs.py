@@ -16,11 +16,9 @@ from rotor_models import with_rotors_at
 from second_derivatives import (
     ACCELERATED,
     EXAMPLES,
-    differences,
+    agree_with_differences,
     every_output_of_a_mechanism,
     every_output_of_a_tree,
-    hessian,
-    kept_as_given,
     made,
 )
 
@@ -38,20 +36,8 @@ def weights_of(model: Model) -> np.ndarray:
 
 
 def agree(model: Model, state: Any, folder: Path, limit: float) -> None:
-    """Check every entry relative to the largest, and the symmetry of entries that can be chosen independently."""
     assert any(o.measure in ACCELERATED for o in model.outputs)
-    closed = ",assemble_sensitivities" if model.closure_names else ""
-    solver = made(model, folder, functions=FUNCTIONS + closed)
-    weights = weights_of(model)
-    H, reference = hessian(solver, state, weights, PRODUCTS), differences(solver, state, weights, "output_gradients")
-    largest = np.abs(reference).max()
-    assert largest > 0
-    assert np.abs(H - reference).max() < limit * largest
-    apart = True
-    if closed:
-        *_, dq, _ = solver.assemble_sensitivities(*state, dq=np.eye(state.q.size))
-        apart = kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
-    assert np.abs(H - H.T).max() < 1e-13 * largest or not apart
+    agree_with_differences(model, state, weights_of(model), folder, PRODUCTS, limit)
 
 
 def only(model: Model, *measures: str) -> Model:

@@ -11,7 +11,7 @@ from prescribed_models import with_prescribed
 from random_elements import with_random_elements
 from random_models import EVERY, random_seeds, random_state, random_tree
 from rotor_models import with_rotors
-from second_derivatives import EXAMPLES, differences, directions, joined, made
+from second_derivatives import EXAMPLES, differences, directions, inverse_gradient, inverse_products, joined, made
 
 import codegen
 from codegen.model import Model
@@ -29,26 +29,13 @@ def drawn(seed: int) -> tuple[Model, tuple[Any, ...], np.ndarray]:
     return model, (*random_state(rng, model), rng.normal(size=model.nu)), rng.normal(size=model.nu)
 
 
-def products(solver: codegen.Solver, state: tuple[Any, ...], weights: np.ndarray, **seeds: np.ndarray) -> Any:
-    q, u, p, inputs, t, udot = state
-    return solver.inverse_dynamics_hessian_products(q, u, udot, p, inputs, t, weights=weights, **seeds)
-
-
-def gradient(exact: Any, state: Any, weights: Any) -> Any:
-    """The gradient of each row's state, from derivatives along all units."""
-    q, u, p, inputs, t, udot = state
-    seeds = {n: x[:, None] for n, x in directions(exact, [x[0] for x in state]).items() if x.size}
-    _, dforce = exact.inverse_dynamics_sensitivities(q, u, udot, p, inputs, t, **seeds)
-    return (dforce @ weights).T
-
-
 @pytest.mark.parametrize("seed", (1, 4, 5, 6))
 def test_every_entry_agrees_with_differences_in_40_digits(seed: int, tmp_path: Path) -> None:
     """Relative to the largest entry, and the matrix is symmetrical to rounding."""
     model, state, weights = drawn(seed)
     solver = made(model, tmp_path, functions=FUNCTIONS)
-    H = joined(products(solver, state, weights, **directions(solver, state)))
-    reference = differences(solver, state, weights, gradient)
+    H = joined(inverse_products(solver, state, weights, **directions(solver, state)))
+    reference = differences(solver, state, weights, inverse_gradient)
     largest = np.abs(reference).max()
     assert largest > 0
     assert np.abs(H - reference).max() < 1e-12 * largest
@@ -76,16 +63,16 @@ def test_both_targets_agree_in_any_number_of_directions_and_states(seed: int, tm
     alone = codegen.load(tmp_path / "alone")
     rng = np.random.default_rng(seed)
     seeds = random_seeds(rng, model, 11) | {"dudot": rng.normal(size=(11, model.nu))}
-    expected = products(in_numpy, state, weights, **seeds)
+    expected = inverse_products(in_numpy, state, weights, **seeds)
     largest = max(np.abs(x).max(initial=0) for x in expected)
     for k in (1, 8, 11):
         given = {n: x[:k] for n, x in seeds.items()}
         for solver in (in_c, alone):
-            for x, y in zip(products(solver, state, weights, **given), expected, strict=True):
+            for x, y in zip(inverse_products(solver, state, weights, **given), expected, strict=True):
                 assert np.abs(x - y[:k]).max(initial=0) < 1e-13 * largest
     by_state = tuple(np.stack([x] * 3) if np.ndim(x) else x for x in state)
     factors = np.array([1.0, -2.0, 0.0])
-    batch = products(in_c, by_state, factors[:, None] * weights, **{n: x[:, None] for n, x in seeds.items()})
+    batch = inverse_products(in_c, by_state, factors[:, None] * weights, **{n: x[:, None] for n, x in seeds.items()})
     for x, y in zip(batch, expected, strict=True):
         assert np.abs(x - y[:, None] * factors.reshape(3, *[1] * (y.ndim - 1))).max(initial=0) < 1e-13 * largest
     given = {n: x for n, x in seeds.items() if n not in ("dudot",)}

@@ -20,6 +20,8 @@ from second_derivatives import (
     differences,
     directions,
     every_output_of_a_mechanism,
+    inverse_gradient,
+    inverse_products,
     joined,
     kept_as_given,
     made,
@@ -30,19 +32,6 @@ from codegen.model import Model
 
 PRODUCTS = "inverse_dynamics_hessian_products"
 REFERENCE = "accelerations,sensitivities,energies,energy_sensitivities,assemble_sensitivities"
-
-
-def products(solver: codegen.Solver, state: tuple[Any, ...], weights: Any, **seeds: np.ndarray) -> Any:
-    q, u, p, inputs, t, udot = state
-    return solver.inverse_dynamics_hessian_products(q, u, udot, p, inputs, t, weights=weights, **seeds)
-
-
-def gradient(exact: Any, state: Any, weights: Any) -> Any:
-    """The gradient of each row's state, from derivatives along all units."""
-    q, u, p, inputs, t, udot = state
-    seeds = {n: x[:, None] for n, x in directions(exact, [x[0] for x in state]).items() if x.size}
-    _, dforce = exact.inverse_dynamics_sensitivities(q, u, udot, p, inputs, t, **seeds)
-    return (dforce @ weights).T
 
 
 def drawn(solver: codegen.Solver, state: Any) -> tuple[tuple[Any, ...], np.ndarray]:
@@ -59,8 +48,8 @@ def agree(model: Any, folder: Path, limit: float, state: Any = None) -> None:
         q, u = solver.assemble(q, u + 0.3)
         state = RandomState(q, u, np.asarray(solver.parameters), np.full(len(solver.input_names), 0.4), 0.0)
     state, weights = drawn(solver, state)
-    H = joined(products(solver, state, weights, **directions(solver, state)))
-    reference = differences(solver, state, weights, gradient)
+    H = joined(inverse_products(solver, state, weights, **directions(solver, state)))
+    reference = differences(solver, state, weights, inverse_gradient)
     largest = np.abs(reference).max()
     assert largest > 0
     assert np.abs(H - reference).max() < limit * largest
@@ -106,15 +95,15 @@ def test_both_targets_agree_in_any_number_of_directions_and_states(more: str, tm
     state, weights = drawn(in_c, state)
     rng = np.random.default_rng(3)
     seeds = random_seeds(rng, model, 11) | {"dudot": rng.normal(size=(11, model.nu))}
-    expected = products(in_numpy, state, weights, **seeds)
+    expected = inverse_products(in_numpy, state, weights, **seeds)
     largest = max(np.abs(x).max(initial=0) for x in expected)
     for k in (1, 8, 11):
-        found = products(in_c, state, weights, **{n: x[:k] for n, x in seeds.items()})
+        found = inverse_products(in_c, state, weights, **{n: x[:k] for n, x in seeds.items()})
         for x, y in zip(found, expected, strict=True):
             assert np.abs(x - y[:k]).max(initial=0) < 1e-12 * largest
     by_state = tuple(np.stack([x] * 3) if np.ndim(x) else x for x in state)
     factors = np.array([1.0, -2.0, 0.0])
-    batch = products(in_c, by_state, factors[:, None] * weights, **{n: x[:, None] for n, x in seeds.items()})
+    batch = inverse_products(in_c, by_state, factors[:, None] * weights, **{n: x[:, None] for n, x in seeds.items()})
     for x, y in zip(batch, expected, strict=True):
         assert np.abs(x - y[:, None] * factors.reshape(3, *[1] * (y.ndim - 1))).max(initial=0) < 1e-12 * largest
     if more:

@@ -10,7 +10,13 @@ import pytest
 from prescribed_models import with_prescribed_at
 from random_models import RandomState, random_seeds
 from rotor_models import with_rotors_at
-from second_derivatives import EXAMPLES, differences, hessian, kept_as_given, made, observed_mechanism, observed_tree
+from second_derivatives import (
+    EXAMPLES,
+    agree_with_differences,
+    made,
+    observed_mechanism,
+    observed_tree,
+)
 
 import codegen
 from codegen.model import Model
@@ -27,20 +33,7 @@ def weights_of(model: Model, products: str, seed: int = 0) -> np.ndarray:
 
 
 def agree(model: Any, state: Any, products: str, folder: Path, limit: float) -> None:
-    """Check every entry relative to the largest, and the symmetry of entries that can be chosen independently."""
-    gradients = products.replace("hessian_products", "gradients")
-    closed = ",assemble_sensitivities" if model.closure_names else ""
-    solver = made(model, folder, functions=FUNCTIONS[products] + closed)
-    weights = weights_of(model, products)
-    H, reference = hessian(solver, state, weights, products), differences(solver, state, weights, gradients)
-    largest = np.abs(reference).max()
-    assert largest > 0
-    assert np.abs(H - reference).max() < limit * largest
-    apart = True
-    if closed:
-        *_, dq, _ = solver.assemble_sensitivities(*state, dq=np.eye(state.q.size))
-        apart = kept_as_given(solver, dq) == [n in solver.independent_names for n in solver.coordinate_names]
-    assert np.abs(H - H.T).max() < 1e-13 * largest or not apart
+    agree_with_differences(model, state, weights_of(model, products), folder, products, limit)
 
 
 @pytest.mark.parametrize("products", [OUTPUTS, ENERGIES])
