@@ -79,21 +79,21 @@ def test_every_measure_is_looked_at():
 
 FREQUENCIES = """
 model: turning
-parameters: {f: 2 Hz}
+parameters: {f: 2 Hz, g: {value: 2, unit: Hz}}
 bodies:
   arm: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, inertia: {xx: 1, yy: 1, zz: 1}}
-forces: {drive: {type: joint, joint: arm, value: "sin(2*pi*f*t)*(2 Nm)"}}
+forces: {drive: {type: joint, joint: arm, value: "sin(2*pi*f*t)*(2 Nm) + sin(2*pi*g*t)*(1 Nm)"}}
 initial: {u: {arm: SPEED}}
 """
 
 
-@pytest.mark.parametrize("speed", ["50 Hz", "-50 Hz", "f", "f + 1 Hz"])
+@pytest.mark.parametrize("speed", ["50 Hz", "-50 Hz", "f", "f + 1 Hz", "g"])
 def test_hertz_are_no_angular_rate(speed):
     with pytest.raises(codegen.ModelError, match=r"is a frequency \(Hz\); a rate \(rad/s\) is needed; write rev/s"):
         codegen.parse_model(FREQUENCIES.replace("SPEED", speed))
 
 
-@pytest.mark.parametrize("speed", ["2*pi*f", "3000 rpm", "50 rev/s", "2*pi*(50 Hz)", "7"])
+@pytest.mark.parametrize("speed", ["2*pi*f", "2*pi*g", "3000 rpm", "50 rev/s", "2*pi*(50 Hz)", "7"])
 def test_angular_rates_and_frequencies_with_a_factor_are_read(speed):
     model = codegen.parse_model(FREQUENCIES.replace("SPEED", speed))
     assert model.parameters[0].unit == "Hz" and not model.warnings

@@ -18,7 +18,7 @@ from ..parts import Instance, Part
 from ..positions import Path_
 from ..reading import Reader
 from ..schema import ParameterEntry
-from ..units import in_units, in_words, unit_of
+from ..units import Frequency, in_units, in_words, unit_of
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "ordernm", "stdint"})
 _C_KEYWORDS: Final = frozenset(
@@ -136,6 +136,8 @@ def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expr
                 else f"unit {text}; numbers are in SI units"
             )
             reader.report(at, ("unit",), message, severity="warning")
+        if known is not None and isinstance(known[1], Frequency):
+            at.part.dimensions[local] = known[1]  # so that it is not taken for an angular rate
         return text
     (dimension,) = list(dimensions)[:1]
     assert dimension is not None
