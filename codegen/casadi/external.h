@@ -39,7 +39,7 @@ typedef struct {
     int (*back_1)(ordernm_given x, const double *weights, double *y, ordernm_found g, double *work);
     int (*products_8)(ordernm_given x, const double *weights, ordernm_given dx, ordernm_found dg, double *work);
     const ordernm_int *const *jacobian; /* patterns of the blocks, by argument */
-    const ordernm_int *const *hessian;  /* by argument of the row, then of the column */
+    const ordernm_int *const *hessian;  /* the same, by the argument of the rows, then that of the columns */
     const int *const *transposed;       /* place of each entry of a Jacobian in the transposed pattern */
 } ordernm_function;
 

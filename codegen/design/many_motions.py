@@ -106,8 +106,8 @@ class Motions(Sequence[Trajectory | None]):
         done = {len(x) for x, well in zip(self.trajectories, self.succeeded, strict=True) if well and x is not None}
         if len(done) > 1:
             raise ValueError(
-                f"the motions have between {min(done)} and {max(done)} times; simulate them at given times, (nt,), or take one "
-                f"by one"
+                f"the motions have between {min(done)} and {max(done)} times; simulate them at given times, (nt,), or read each "
+                f"of `trajectories`"
             )
         parts = [None if x is None else of(x) for x in self.trajectories]
         nt = max([*done, *(len(x) for x in parts if x is not None)], default=0)

@@ -57,7 +57,7 @@ def apply_gepetto(robot: Robot, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ModelError
-        If the file has errors; it lists all of them.
+        If the file has errors. The exception lists all of them.
     """
     file = os.fspath(path)
     _Reader(robot, compose(read_file(file), file)).read()

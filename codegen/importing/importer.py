@@ -162,7 +162,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     Raises
     ------
     ModelError
-        If the file has errors. It lists all of them with their lines.
+        If the file has errors. The exception lists all of them with their lines.
 
     Examples
     --------

@@ -85,7 +85,7 @@ def read_sdf(root: Element, files: Files, exact_angles: bool = False, chosen: st
     Raises
     ------
     ModelError
-        If the file has errors; it lists all of them.
+        If the file has errors. The exception lists all of them.
     """
     return _Reader(root, files, exact_angles, chosen).whole()
 

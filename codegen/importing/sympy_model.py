@@ -59,7 +59,7 @@ def from_sympy(system: Any, values: Mapping[Any, float] | None = None, name: str
     TypeError
         If the object has no joints, such as a `KanesMethod`.
     ModelError
-        If the system has parts that a model cannot express. It lists all of them.
+        If the system has parts that a model cannot express. The exception lists all of them.
 
     Examples
     --------

@@ -108,7 +108,7 @@ def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
     Raises
     ------
     ModelError
-        If the file has errors; it lists all of them.
+        If the file has errors. The exception lists all of them.
     """
     return _Reader(root, files, exact_angles).whole()
 

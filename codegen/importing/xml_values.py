@@ -147,7 +147,7 @@ class RobotReader(Values, ABC):
         Finds the files that the robot's file names.
     robot : Robot
     remarks : mapping
-        Elements that the model format lacks, by tag: a remark, and the effect of their absence.
+        For the tag of each element that the model format lacks: a remark, and the effect of leaving the element out.
 
     Parameters
     ----------
@@ -246,12 +246,12 @@ class RobotReader(Values, ABC):
         return color
 
     def whole(self) -> Robot:
-        """Read the whole robot, or raise its errors.
+        """Read the whole robot.
 
         Raises
         ------
         ModelError
-            If the file has errors; it lists all of them in their order.
+            If the file has errors. The exception lists all of them in the order of their lines.
         """
         self.read()
         if self.problems:

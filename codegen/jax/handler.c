@@ -34,7 +34,7 @@ typedef struct {
     int64_t id;
     int (*call)(char *const *, long, double, long);
     int (*over)(int (*)(char *const *, long, double, long), char **, const long (*)[2], long, long, const double *, long, long *, long);
-    int (*states)(batch *); /* several states at once, or 0 */
+    int (*states)(batch *); /* several states at once; null if there is no such function */
     long item, operands, results, arrays, slots, workspace, lanes, workspace_of_states;
     long work_slot, lanes_slot, steps_slot, results_slot, checked, nan, quaternions;
     place operand[MOST_PLACES], result[MOST_PLACES];

@@ -194,7 +194,7 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
     while len(chosen) < rank:
         size = np.min(np.linalg.norm(rest, axis=1), axis=0)
         useful = np.flatnonzero(size > RANK_TOLERANCE * 10)[:window]
-        if not len(useful):  # full rank was found by `ranks`, so the longest column counts
+        if not len(useful):  # `ranks` has found full rank, so the longest column is taken, however short
             useful = np.array([int(np.argmax(size))])
         pivot = useful[np.argmax(size[useful] >= threshold * np.max(size[useful]))]
         chosen.append(single[pivot])

@@ -212,10 +212,10 @@ def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
 
 
 def _possible(n: Array, m: Array, w: Array, v: Array, tolerance: float) -> int:
-    """Rank of a loop's conditions n, m ``(3, 3)``, for all motions like those of the twists ``(3, f)`` at its cut.
+    """Rank of a loop's linear conditions n ``(3, 3)`` and angular conditions m ``(3, 3)`` for the motions at its cut.
 
-    Twists with a single direction of w and all v perpendicular to it are planar motions at every configuration. All others
-    count as spatial.
+    The motions are all planar or all spatial motions. They are planar if all angular velocities w ``(3, f)`` have one
+    direction, and all velocities v ``(3, f)`` are perpendicular to it: this holds at every configuration.
     """
     U, s, _ = np.linalg.svd(w)
     planar = s[0] > 0 and np.max(s[1:], initial=0.0) < max(tolerance, PLANAR) * s[0]

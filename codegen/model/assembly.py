@@ -38,7 +38,7 @@ def assemble(document: Document, folder: str | None = None) -> Model:
     Raises
     ------
     ModelError
-        If the document has errors; it lists all of them.
+        If the document has errors. The exception lists all of them.
     """
     reader = Reader(document, folder)
     model = None

@@ -705,7 +705,7 @@ class ModelBuilder:
         Raises
         ------
         ModelError
-            If the model has errors. It lists all of them; their place is ``builder`` and the path of the key.
+            If the model has errors. The exception lists all of them; their place is ``builder`` and the path of the key.
 
         Examples
         --------

@@ -104,7 +104,7 @@ class JointType(Entry):
         if JointType not in cls.__bases__:
             return  # from `schema._in_role`: keeps the attributes of the type of joint
         if any(isinstance(m, Displacement) for m in cls.motion[1:]):
-            raise TypeError(f"joint {cls.name}: a displacement is the first of its motions")
+            raise TypeError(f"joint {cls.name}: a displacement is not the first of its motions; move it to the front")
         cls.coordinates, cls.speeds = names(cls.motion)
         cls.coordinate_units, cls.speed_units = units(cls.motion)
         cls.quaternions = tuple(slice(m.coordinate, m.coordinate + 4) for m in cls.motion if isinstance(m, Ball))

@@ -34,7 +34,7 @@ def load_model(path: str | PathLike[str]) -> Model:
     Raises
     ------
     ModelError
-        If the file has errors. It lists all of them with line and column.
+        If the file has errors. The exception lists all of them with line and column.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[st
     Raises
     ------
     ModelError
-        If the text has errors. It lists all of them with line and column.
+        If the text has errors. The exception lists all of them with line and column.
 
     Examples
     --------

@@ -184,7 +184,7 @@ def region_multipliers(x: Scope, kind: RegionKind) -> None:
 
 
 def link_response(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link: the force that its acceleration requires, which inboard loops cause. Eqs. 19, 23."""
+    """Outward block of a link: the acceleration that inboard loops cause, and the force that it requires. Eqs. 19, 23."""
     joint = kind.joint(x, kind, lanes=True)
     A = moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), [0] * joint.freedoms, "Eq. 19")
     _store_needed(x, A)

@@ -59,7 +59,7 @@ def ear_tangents(
 
 
 class EarTangents:
-    """The tangents of an ear's statements on zero patterns, where no statement is written."""
+    """The tangents of an ear in a run on zero patterns: they are patterns, too, and no statement is written."""
 
     def __init__(self, angles: dict[int, Vector]):
         self.angles = angles
@@ -183,7 +183,7 @@ class WrittenTangents(EarTangents):
             turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
-            # if W is the unit matrix, region and link components have the same names: keep them correctable
+            # if W is the unit matrix, region and link components are the same symbols: let their tangents be corrected
             self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
     def _set(self, found: Vector, moved: Vector) -> None:

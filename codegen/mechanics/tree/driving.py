@@ -13,12 +13,13 @@ from ..structure.kinds import LinkKind
 
 
 def driving(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link with prescribed motion, for trees. Eqs. 45, 53."""
+    """Outward block of a link with prescribed motion: the driving force in a tree. Eqs. 45, 53."""
     _store(x, kind, (fields.total_needed, fields.transmitted), 0)
 
 
 def driving_in_loops(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link with prescribed motion, with the wrenches of loops and the forces of couplings. Eqs. 9, 45."""
+    """Outward block of a link with prescribed motion: the driving force, with the wrenches of loops and the forces of
+    couplings. Eqs. 9, 45."""
     parts = (fields.total_needed, fields.closing_force, fields.tree_transmitted)
     _store(x, kind, parts, x.load(ME, fields.coupling_force(0)))
 

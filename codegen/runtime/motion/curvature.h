@@ -59,7 +59,7 @@ int ordernm_states_within(ordernm_curvature *c, scalar h, scalar until);
 void ordernm_samples_back(ordernm_curvature *c, scalar h, void (*weights)(scalar theta, scalar *factor), int count, scalar by);
 
 /* explicit_curvature.c, radau_curvature.c: a step from m->z to m->next with the records of its stages, and times and weights of integrands;
- * the step back, where integrands are the sources at its stages, or 0 */
+ * the step back, where integrands are the sources at its stages, or null */
 int ordernm_explicit_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes);
 int ordernm_explicit_along_back(ordernm_curvature *c, scalar h, const scalar *records, const scalar *integrands);
 int ordernm_radau_step_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes);

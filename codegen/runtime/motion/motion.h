@@ -113,7 +113,7 @@ enum { ORDERNM_MOST_DEGREE = 9 };
 typedef struct {
     int degree;
     long count;
-    const ordernm_scalar *knots; /* [count + degree + 1], or 0 */
+    const ordernm_scalar *knots; /* [count + degree + 1], or null */
     const ordernm_scalar *values; /* [count][nsignals]; 0 for zeros */
     const ordernm_scalar *directions; /* [ndirections][count][nsignals]; 0 for zeros */
 } ordernm_inputs;
@@ -321,7 +321,7 @@ typedef struct ordernm_curvature ordernm_curvature;
  * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
  * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
  * gives the record of the state at the end. Then, for each functional, call ordernm_hessians_turn, ordernm_hessians_backwards for each part
- * from the last to the first, and ordernm_hessians_end. Sources of integrands are [count][all], or 0. To repeat a part whose records were
+ * from the last to the first, and ordernm_hessians_end. `integrands` contains the sources at the stages, [count][all], or is null. To repeat a part whose records were
  * not kept, call ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take and ordernm_tangents again: `before`
  * has the number of output times passed, the state and its tangents, [1 + (1 + k) n]. */
 long ordernm_hessians_room(const ordernm_problem *problem);

@@ -192,7 +192,8 @@ class MotionViews:
 
 
 def _thinned(count: int) -> Any:
-    """Indices of the results that are shown: all, or `MOST_RESULTS` of more, with a warning."""
+    """Indices of the results that are shown: all, or `MOST_RESULTS` of them at equal intervals, with a
+    warning."""
     if count <= MOST_RESULTS:
         return slice(None)
     warn(f"the motion has {count} results; {MOST_RESULTS} of them are shown")

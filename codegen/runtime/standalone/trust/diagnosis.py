@@ -95,11 +95,11 @@ class Diagnosis:
     speed_names, direction_names : tuple of str
         Names of the nu columns and of the k rows: ``q.crank``, or ``direction 1`` of given seeds.
     mass : MassCondition or None
-        Condition of the mass matrix. None if the package has no function for it, or it is very large.
+        Condition of the mass matrix. None if the package has no function for this matrix, or the matrix is very large.
     closures : tuple of ClosureCondition
         One for each set of loops that are closed together.
     all_loops : ClosureCondition or None
-        All loops at once; it may be worse than each set alone.
+        Condition of all loops together. It may be worse than that of each set alone.
     distance : float
         Distance of all loop conditions from a loss of rank for any choice of independents, as in `ClosureCondition`; 1
         without loops. If it is much larger than that of a closure, other independent coordinates are better.
