@@ -1,7 +1,7 @@
 """The order of the ears: single loops where each closes by itself, clusters elsewhere.
 
 A loop closes by itself if the speeds of joints that no earlier loop has passed can keep it closed, for every motion
-that earlier loops permit. This is tested with random motions that are propagated through the loops resolved so far: the
+that earlier loops permit. This is tested with random motions that are propagated through the loops ordered so far: the
 effect of each motion at the cut must lie in the range of the new columns. If it does not, some degree of freedom inside
 earlier ears must depend on this loop. Then another order is sought: the loop moves to a place before one of these ears,
 or one of these ears to a place after the loop. If there is no such order, the loops become one cluster.
@@ -218,7 +218,7 @@ def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
     """Ears in an order in which each closes by itself; quaternion joints are divided only if no other order exists.
 
-    Ears that start from each other's bodies are resolved together: they become a cluster with common dependents.
+    Ears that start from each other's bodies are closed together: they become a cluster with common dependents.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tangles: ears that start from each other's bodies, so that none can be resolved first. They become one dense system.
+"""Tangles: ears that start from each other's bodies, so that none can be closed first. They become one dense system.
 
 A loop may close by itself for every motion of earlier loops. Still, the dependents of the loop may move bodies that
 carry joints of another ear, and the cut of the loop may depend on that ear.

@@ -52,7 +52,7 @@ def complete_speeds(
 
 
 class Motion:
-    """Velocities of K motions at S configurations, resolved ear by ear.
+    """Velocities of K motions at S configurations, computed ear by ear.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Motion:
     Attributes
     ----------
     u : (S, nu, K) array
-        Speeds; dependent ones are valid once their ear has been resolved.
+        Speeds; dependent ones are valid once `resolve` has computed those of their ear.
     """
 
     def __init__(self, geometry: Geometry, q: Array, u: Array, own: tuple[Array, Array] | None = None) -> None:
@@ -79,7 +79,7 @@ class Motion:
         return found
 
     def restart(self) -> None:
-        """Forget which ears have been resolved."""
+        """Forget the dependent speeds of all ears."""
         self.u = self.given.copy()
         self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 

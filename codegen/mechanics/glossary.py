@@ -16,12 +16,12 @@ WORDS = {
     "kind": "Units of equal structure. They share every block and every generated function.",
     "block": "A short straight-line program for one kind and one sweep.",
     "sweep": "One pass over all units, outward (from the ground to the tips) or inward.",
-    "ear": "Links that are resolved together: those that the dependent joints of one loop, or of a cluster, move; or one link "
-    "of a region whose joint is independent. The word comes from the ear decomposition of graphs (H. Whitney, 1932).",
+    "ear": "Links whose motion is computed together: those that the dependent joints of one loop, or of a cluster, move; or "
+    "one link of a region whose joint is independent. The word comes from the ear decomposition of graphs (H. Whitney, 1932).",
     "cluster": "Several loops that cannot be closed one after the other.",
     "region": "Ears whose links all move with the same few sources.",
     "source": "A variable with which the links of a region move: an independent speed, or one of the six components of the "
-    "motion of a link that is resolved elsewhere.",
+    "motion of a link outside the region.",
     "root": "A link from which an ear starts, or the ground.",
     "member": "A link of an ear, in the blocks of this ear.",
     "condition": "A number that is zero when a loop is closed; the joint of the loop enforces it.",

@@ -423,7 +423,7 @@ def read_outside(system: System) -> set[Place]:
 
 
 def _changing(block: Block, sweep: str) -> Block:
-    """The transpose of a tangent; results that later transposes for the same multipliers read get memory of their own.
+    """The transpose of a tangent. Results have memory of their own if later transposes for the same multipliers read them.
 
     For multipliers of conditions on velocities, these results are the adjoints of velocities. All other results add to
     the tangents of adjoints, whose sweeps follow.

@@ -1,10 +1,10 @@
-"""Groups of bodies that are resolved together: the graph part of sections 3.3 and 3.4 of the paper, for any loops.
+"""Groups of bodies whose motion is computed together: the graph part of sections 3.3 and 3.4 of the paper, for any loops.
 
 The dependent speeds of an *ear* (of the ear decomposition of the loop graph) close it. On either branch of a loop, the ear
 contains the first body that such a speed moves and all bodies outboard of it. The motion of these members follows from the
-independent joints among them and from bodies that are already resolved, the ear's *ends*. In the paper, one end is the loop base
+independent joints among them and from bodies whose motion is known, the ear's *ends*. In the paper, one end is the loop base
 body 0_i, the other is p_i, and the members are p_i + 1 to n_i. Loops of a cluster are closed together and have several ends.
-Every other body of the tree is resolved alone; its end is its parent.
+Every other body of the tree is a group of its own; its end is its parent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..model.model import GROUND, Coupling, Model
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Bodies that are resolved together: a single one, or the members of an ear or a cluster.
+    """Bodies whose motion is computed together: a single one, or the members of an ear or a cluster.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
-        # Coupled bodies are resolved together. If some of them were ends of the ear instead, large inertias would
+        # Coupled bodies belong to one group. If some of them were ends of the ear instead, large inertias would
         # cancel in the elimination.
         if isinstance(loop, Coupling):
             found += [term.body for term in loop.terms if term.body not in found]

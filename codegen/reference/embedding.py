@@ -12,7 +12,7 @@ inertia I_j and force F_j, and pairs of bodies may be coupled. As a function of 
 
 the virtual body p_i of the paper. y is eliminated from it at once (D = Z_yy is M_k of Eq. 47). The remaining terms are added to
 the ends: inertias and forces of each end, and couplings between ends, I^{p_i;o_i} of the paper. If members are coupled to a body
-i that is resolved earlier, because an ear ends on both, this coupling is propagated in the same way. For a single body of the
+i of an earlier group, because an ear ends on both, this coupling is propagated in the same way. For a single body of the
 tree H = [S^T | P | 0], and these are Eqs. 44 to 47.
 
 All accelerations are the parts A_bar explicit in udot. The acceleration of the ground is zero (Eq. 56), so the ground

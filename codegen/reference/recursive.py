@@ -4,7 +4,7 @@ This engine generates no code and is not optimised. Every statement of the four 
 pairs of a value and its total derivatives, d/dp_j of Eq. 10. Their product rule turns each equation into its derivative: Eqs. 26
 to 28, 49 to 52 and 55. Tests compare the generated code with this engine, which shares nothing with `codegen.mechanics`.
 
-This file has the sweeps of a tree. Closed loops are in other files: `ears` (groups of bodies that are resolved together),
+This file has the sweeps of a tree. Closed loops are in other files: `ears` (groups of bodies whose motion is computed together),
 `closure` (Eqs. 30 to 38: dependent speeds, and the completion of dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
 
 The notation is that of `terms`.

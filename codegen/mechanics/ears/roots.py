@@ -1,7 +1,7 @@
 """Roots of an ear: the links on which its links and faces hang, with their positions, motions and forces.
 
 A root is one of four: the *frame* of the region (its base, along whose axes everything is given); the *ground*, if the
-base is a link; a *link of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). An ear
+base is a link; a *link of the region*, which belongs to an earlier ear; or a *far link* (see `far_links`). An ear
 reads the same quantities of every root: attitude, position, motion per unit of a source, velocity, accelerations,
 displacements and Newton's step. It also adds forces to the roots. Vectors are along the region's axes, relative to its
 base, unless a method says otherwise.
@@ -213,7 +213,7 @@ class Ground(Root):
 
 
 class EarLink(Root):
-    """A link of the region, which an earlier ear has resolved."""
+    """A link of the region, which belongs to an earlier ear."""
 
     @property
     def record(self) -> Store:
@@ -270,8 +270,7 @@ class EarLink(Root):
 
 
 class FarLink(Root):
-    """A link, or the ground, that another unit resolves; the six components of its motion relative to the base are
-    sources."""
+    """A link outside the region, or the ground; the six components of its motion relative to the base are sources."""
 
     @property
     def number(self) -> int:

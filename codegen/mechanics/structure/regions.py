@@ -1,9 +1,9 @@
-"""Ears and regions: the links that are resolved together, and the order of all units. Section 4 of the theory page.
+"""Ears and regions: the links whose motion is computed together, and the order of all units. Section 4 of the theory page.
 
-An **ear** (of the ear decomposition of the loop graph, Whitney 1932) is a set of links on cycles that are resolved together: the
-new links of a loop or of a cluster of loops, or a single link whose joint is independent. A **region** is a set of ears whose
-links all move with the same few **sources** (``A_k = Z_k w``): independent speeds, and possibly the motion of links that are
-resolved elsewhere. A ladder of any length is one region with one source. If a loop closes a long chain, its ear is a region of
+An **ear** (of the ear decomposition of the loop graph, Whitney 1932) is a set of links on cycles whose motion is computed
+together: the new links of a loop or of a cluster of loops, or a single link whose joint is independent. A **region** is a set of
+ears whose links all move with the same few **sources** (``A_k = Z_k w``): independent speeds, and possibly the motion of links
+outside the region. A ladder of any length is one region with one source. If a loop closes a long chain, its ear is a region of
 its own. One of the links from which it starts is the base; the others are far links, which move relative to the base.
 """
 
