@@ -321,9 +321,9 @@ typedef struct ordernm_curvature ordernm_curvature;
  * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
  * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
  * gives the record of the state at the end. Then, for each functional, call ordernm_hessians_turn, ordernm_hessians_backwards for each part
- * from the last to the first, and ordernm_hessians_end. `integrands` contains the sources at the stages, [count][all], or is null. To repeat a part whose records were
- * not kept, call ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take and ordernm_tangents again: `before`
- * has the number of output times passed, the state and its tangents, [1 + (1 + k) n]. */
+ * from the last to the first, and ordernm_hessians_end. `integrands` contains the sources at the stages, [count][all], or is null. To
+ * repeat a part whose records were not kept, call ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take
+ * and ordernm_tangents again: `before` has the number of output times passed, the state and its tangents, [1 + (1 + k) n]. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);

@@ -246,9 +246,10 @@ static void estimate(ordernm_motion *m, scalar h, const group *g, const scalar *
 }
 
 /* Judges the solution, of order 5, by the error estimate, of order 3. RADAU5 accepts estimates that grow with the tolerance to the power
- * 2/3, which assumes that the terms of a series decrease as in smooth motions of size one. Here the decrease must be observed. If the
- * terms of the series decrease by a constant factor per power of h, this factor is (error/change)^(1/3), because the change of an entry is of
- * first power and its estimated error of fourth. The error of sixth power is then change*(error/change)^(5/3). A tenth of RADAU5's allowance is used. */
+ * 2/3, which assumes that the terms of a series decrease as in smooth motions of size one. Here the decrease must be observed. If the terms
+ * of the series decrease by a constant factor per power of h, this factor is (error/change)^(1/3), because the change of an entry is of
+ * first power and its estimated error of fourth. The error of sixth power is then change*(error/change)^(5/3). A tenth of RADAU5's
+ * allowance is used. */
 static void judge(ordernm_motion *m, scalar h, const group *g)
 {
     const struct radau *const r = m->radau;
