@@ -6,6 +6,8 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -129,13 +131,43 @@ def _room(path: Path) -> str:
     return parts[1] if parts[0] == "mechanics" and len(parts) > 2 and parts[1] != "procedures" else ""
 
 
+@dataclass
+class Seen:
+    """What the checks need to know of a module: its imports, the lines within functions, and calls of names with dots."""
+
+    imports: list[ast.Import | ast.ImportFrom] = field(default_factory=list)
+    lines_of_functions: set[int] = field(default_factory=set)
+    calls: list[tuple[int, str]] = field(default_factory=list)
+
+
+@cache
+def seen(source: str) -> Seen:
+    """A module is parsed once for all checks."""
+    found = Seen()
+    for n in ast.walk(ast.parse(source)):
+        if isinstance(n, ast.Import | ast.ImportFrom):
+            found.imports.append(n)
+        elif isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef):
+            found.lines_of_functions.update(range(n.body[0].lineno, (n.end_lineno or n.lineno) + 1))
+        elif isinstance(n, ast.Call) and isinstance(n.func, ast.Name | ast.Attribute):
+            found.calls.append((n.lineno, _dotted(n.func)))
+    return found
+
+
+def _dotted(node: ast.expr) -> str:
+    """A name with dots; where something else than a name stands before a dot, that is left out."""
+    if isinstance(node, ast.Attribute):
+        return f"{_dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def imports(source: str, path: Path) -> Iterator[tuple[int, str]]:
     """Line and absolute name of everything imported at any depth; ``from a import b`` gives ``a.b``."""
     package = path.relative_to(ROOT).parent.parts
-    for node in ast.walk(ast.parse(source)):
+    for node in seen(source).imports:
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = package[: len(package) - node.level + 1] if node.level else ()
             module = (*base, node.module) if node.module else base
             yield from ((node.lineno, ".".join((*module, alias.name))) for alias in node.names)
@@ -143,8 +175,7 @@ def imports(source: str, path: Path) -> Iterator[tuple[int, str]]:
 
 def lines_of_functions(source: str) -> set[int]:
     """Lines that run when something is called, not when the module is imported."""
-    functions = (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef))
-    return {line for f in functions for line in range(f.body[0].lineno, (f.end_lineno or f.lineno) + 1)}
+    return seen(source).lines_of_functions
 
 
 def faults(source: str, path: Path) -> list[str]:
@@ -212,8 +243,7 @@ def circles(modules: Graph) -> list[str]:
 
 
 def forbidden_calls(source: str) -> list[tuple[int, str]]:
-    calls = (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call))
-    return [(n.lineno, f) for n in calls if (f := ast.unparse(n.func)) in FORBIDDEN_CALLS]
+    return [(line, name) for line, name in seen(source).calls if name in FORBIDDEN_CALLS]
 
 
 def test_modules_import_lower_floors_only():
@@ -257,11 +287,9 @@ def test_statements_are_of_one_algebra():
     """A symbol of sympy's is none of ours, and `isinstance` would say so without a word; sympy meets formulas of models only."""
     found = {}
     for path in MODULES:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
         names = [
             name
-            for node in ast.walk(tree)
-            if isinstance(node, (ast.Import, ast.ImportFrom))
+            for node in seen(path.read_text(encoding="utf-8")).imports
             for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names])
         ]
         if any(name.split(".")[0] == "sympy" for name in names):
