@@ -21,16 +21,17 @@ import pytest
 from kept_files import Generator, put, used
 
 import codegen.pipeline
+import codegen.runtime.standalone.files.build
 from codegen.loops.ears import Partition
 from codegen.model import Model
 from codegen.pipeline import Source
 from codegen.program.progress import silent
 from codegen.runtime.standalone.calls.caller import CallerBuild
-from codegen.runtime.standalone.files.build import Build
-from codegen.runtime.standalone.files.compiler import processor
+from codegen.runtime.standalone.files.build import Build, _texts
+from codegen.runtime.standalone.files.compiler import Stop, find_compiler, processor
 
 SMALL = 20_000
-"""Bytes of sources that are compiled each time: tests of compiling itself write them by hand."""
+"""Bytes of sources and what they include that are compiled each time: tests of compiling itself write them by hand."""
 
 
 @contextmanager
@@ -38,12 +39,17 @@ def compiled_once(kept: Path) -> Iterator[None]:
     """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike.
 
     With -O0, clang compiles large sources if it is there and ``CC`` names no compiler: it takes two thirds of gcc's time.
+    The compiler that users have links them, because starting clang takes three times as long as linking.
     """
-    compile_anew = Build._compile
+    compile_anew, run_anew = Build._compile, codegen.runtime.standalone.files.build.run_all
     clang = shutil.which("clang")
 
+    def run_or_link(commands: list[list[str]], stop: Stop) -> tuple[bool, str]:
+        linking = [c for c in commands if c[0] == clang and not any(part.endswith(".c") for part in c)]
+        return run_anew([[*find_compiler(), *c[1:]] if c in linking else c for c in commands], stop)
+
     def compile_or_copy(build: Build, output: Path, log_file: Path) -> None:
-        small = sum(s.stat().st_size for s in build.sources) < SMALL
+        small = sum(map(len, _texts(build.sources))) < SMALL
         if type(build) is not CallerBuild and (type(build) is not Build or small):
             return compile_anew(build, output, log_file)
         given = build.compiler
@@ -63,6 +69,7 @@ def compiled_once(kept: Path) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Build, "_compile", compile_or_copy)
+        patch.setattr(codegen.runtime.standalone.files.build, "run_all", run_or_link)
         yield
 
 
