@@ -16,7 +16,7 @@ os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native -ffp-contract=off")
 import hypothesis
 import pytest
 from kept_files import Generator, make_room
-from tiers import cpu_seconds, mark_campaign, mark_quick
+from tiers import cpu_seconds, mark_campaign, mark_quick, sort_by_length
 
 # Interpreters that tests start know `import ordernm` also where the checkout was installed before there was that name.
 ALIAS = str(Path(__file__).parents[1] / "codegen" / "alias")
@@ -44,7 +44,10 @@ def pytest_configure(config):
 
     Rewriting and compiling the modules of all tests takes longer than everything else that collects them. Other processes
     of this run and interpreters that tests start have the same folder.
+
+    pytest-xdist keeps the order of files, see `pytest_collection_modifyitems`.
     """
+    config.option.loadscopereorder = False
     if "PYTHONDONTWRITEBYTECODE" in os.environ and hasattr(config, "cache"):
         with contextlib.suppress(OSError):  # a checkout that nobody may write to
             sys.pycache_prefix = str(config.cache.mkdir("bytecode"))
@@ -69,10 +72,21 @@ def pytest_collection():
         gc.enable()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    """Every second process of a run imports the tests from the end, so that they compile the modules for each other."""
+    report = yield
+    if int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 2 and isinstance(collector, pytest.Dir):
+        report.result.reverse()
+    return report
+
+
 def pytest_collection_modifyitems(items):
-    """Mark quick tests, and cases that are left to the campaign."""
+    """Mark quick tests, and cases that are left to the campaign; several processes begin with the longest files."""
     mark_campaign(items)
     mark_quick(items)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        sort_by_length(items)
 
 
 @pytest.hookimpl(tryfirst=True)

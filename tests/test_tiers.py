@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 from tiers import (
     ALWAYS,
@@ -16,6 +17,7 @@ from tiers import (
     missing_and_outdated,
     recorded,
     skipped,
+    sort_by_length,
 )
 
 TESTS = Path(__file__).parent
@@ -51,6 +53,16 @@ def test_times_of_a_run_are_those_of_functions(tmp_path: Path) -> None:
     (tmp_path / "run.xml").write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>")
     name = "tests/model/test_units.py::test_"
     assert recorded(tmp_path / "run.xml") == {f"{name}a": 1.25, f"{name}b": 0.125}
+
+
+def test_files_with_most_long_functions_come_first() -> None:
+    """A file that is not listed has none; tests of a file keep their order."""
+    known = Counter(name.partition("::")[0] for name in long_functions())
+    (most, n), (least, m) = known.most_common(1)[0], known.most_common()[-1]
+    assert n > m
+    items = [SimpleNamespace(nodeid=f"{file}::test_{x}") for x in "ba" for file in ("tests/short.py", least, most)]
+    sort_by_length(items)
+    assert [i.nodeid for i in items] == [f"{file}::test_{x}" for file in (most, least, "tests/short.py") for x in "ba"]
 
 
 def test_what_changed_by_far_is_reported() -> None:

@@ -69,6 +69,17 @@ def mark_quick(items: Iterable[pytest.Item]) -> None:
             item.add_marker("quick")
 
 
+def sort_by_length(items: list[pytest.Item]) -> None:
+    """Begins with the files that have most long functions, so that no process is left alone with a long file."""
+    long = Counter(function.partition("::")[0] for function in long_functions())
+
+    def place(item: pytest.Item) -> tuple[int, str]:
+        file = item.nodeid.partition("::")[0]
+        return -long[file], file
+
+    items.sort(key=place)
+
+
 def _fixtures_of_file(item: pytest.Function) -> set[tuple[str, str]]:
     """File and name of the fixtures that a test shares with others of its file."""
     file = item.nodeid.partition("::")[0]
