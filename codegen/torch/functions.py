@@ -77,12 +77,17 @@ def _of(of: Operator) -> Callable[..., Any]:
     kind = getattr(torch, str(of.dtype))
     nothing = torch.zeros(0, dtype=kind)
     seen: set[Any] = set()
-    others = tuple([defaults[n].shape for n in of.takes])
+    short: set[Any] = set()
+    position = {n: i for i, n in enumerate(of.takes)}  # solve_mass takes no u
+    places = [(position.get(n, len(names)), 0.0 if n == "t" else None) for n in names if n]
 
     def call(*arguments: Any, **named: Any) -> Any:
-        arrays = None if named else direct(of, arguments, kind)
-        if arrays is not None and (*[a.shape for a in arguments], *others[len(arguments) :]) in seen:
-            return computed(of, arrays)
+        arrays = None if named else direct(of, arguments)
+        if arrays is not None:
+            given_shapes = tuple([a.shape for a in arrays])
+            if given_shapes in short:
+                last = len(arrays)
+                return computed(of, tuple([arrays[i] if i < last else default for i, default in places]))
         given = bound(of, arguments, named)
         x = {n: tensor(of, n, a, defaults[n], kind) for n, a in given.items()}
         shapes = () if torch.compiler.is_compiling() else tuple([a.shape for a in x.values()])
@@ -90,6 +95,8 @@ def _of(of: Operator) -> Callable[..., Any]:
             checked_batch(of, {n: tuple(a.shape) for n, a in x.items()})
             if shapes and len(seen) < MOST_SHAPES:
                 seen.add(shapes)
+        if arrays is not None and len(short) < MOST_SHAPES and all(0 not in (s or (0,)) for s in given_shapes):
+            short.add(given_shapes)
         return called(*[x.get(n, nothing) for n in names], key)
 
     call.__name__ = call.__qualname__ = of.name

@@ -367,18 +367,21 @@ def plain(given: Sequence[Any]) -> bool:
     return not of_program and all(x is None or type(x) in PLAIN for x in given[:-1])
 
 
-def direct(of: Operator, arguments: Sequence[Any], kind: Any) -> tuple[Any, ...] | None:
+def direct(of: Operator, arguments: Sequence[Any]) -> list[Any] | None:
     """The arrays of tensors for the solver; None if the call needs a conversion, or something records or differentiates it."""
     if torch.compiler.is_compiling() or torch._C._len_torch_dispatch_stack() or _transformed():
         return None
-    by = {}
-    for n, a in zip(of.takes, arguments, strict=False):
-        if type(a) is not Tensor or a.dtype is not kind or not a.is_cpu or a.requires_grad or a.is_neg():
-            return None
-        if not a.ndim or not a.numel():
-            return None
-        by[n] = a.numpy()
-    return tuple([by.get(n, 0.0 if n == "t" else None) for n in of.six if n])
+    arrays = []
+    try:
+        for a in arguments:
+            if type(a) is not Tensor or a.requires_grad:
+                return None
+            arrays.append(x := a.numpy())  # refused for negated numbers and other devices
+            if x.dtype is not of.dtype:
+                return None
+    except (RuntimeError, TypeError):
+        return None
+    return arrays
 
 
 def computed(of: Operator, arrays: tuple[Any, ...]) -> Tensor:
