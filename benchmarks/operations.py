@@ -1,11 +1,13 @@
 """Operations counted in the emitted blocks: udot, and one more total direction, of chains, ladders and robots.
 
-    python benchmarks/operations.py [CHAIN LADDER HOOKE PINNED UR5 ...] [--sizes 12 100] [--layouts kinds unrolled] [--sweeps]
+    python benchmarks/operations.py [CHAIN LADDER HOOKE PINNED UR5 ...] [--sizes 12 100] [--layouts kinds unrolled]
+        [--sweeps] [--products]
 
 Of models of any size for each body, of robots (``CHAIN(12)``, ``UR5``, ..., see `codegen.measure.pinocchio_models`) in all. A
 direction is dq, du and a parameter together; what all directions share is computed once, after udot. Additions and
 multiplications are counted together; divisions, and sines and cosines, apart. Of Jacobians and mass matrices a column is one that
-concerns every link.
+concerns every link. With ``--products``, the counts are those of products with the
+Hessian of a weighted sum of udot, beside those of a gradient of the same sum.
 """
 
 from __future__ import annotations
@@ -26,6 +28,15 @@ CLAIMS = {("CHAIN", "unrolled"): 270, ("CHAIN", "kinds"): 330, ("LADDER", "auto"
 
 HEAD = ("", "layout", "bodies", "udot", "claim", "divisions", "sin, cos", "one more direction", "of udot", "its divisions",
         "once for all directions")  # fmt: skip
+HEAD_PRODUCTS = (
+    "",
+    "layout",
+    "udot",
+    "a gradient",
+    "products, once for all directions",
+    "each direction",
+    "one product, in gradients",
+)
 HEAD_ROBOTS = (
     "",
     "udot",
@@ -54,6 +65,19 @@ def of_each_body(name: str, size: int, layout: str, sweeps: bool) -> list[Any]:
             f"{direction:.3f}", *(f"{x:.1f}" for x in more)]  # fmt: skip
 
 
+def products_of_each_body(name: str, size: int, layout: str) -> list[Any]:
+    """A row of second derivatives. Sweeps that run repeatedly count repeatedly."""
+    m = sized(name, size)
+    manifest = m.source(layout, ("accelerations", "gradients", "hessian_products")).manifest
+
+    def counted(function: str) -> list[float]:
+        sweeps, runs = of_manifest(manifest, function), manifest["functions"][function]["sweeps"]
+        return [plain(total(sweeps, part, runs)) / m.bodies for part in ("per_call", "per_direction")]
+
+    (udot, _), gradient, (once, each) = map(counted, ("accelerations", "sensitivities_transposed", "hessian_products"))
+    return [m, layout, *(f"{x:.1f}" for x in (udot, sum(gradient), once, each)), f"{(once + each) / sum(gradient):.2f}"]
+
+
 def of_robot(folder: Path, name: str, layout: str) -> list[Any]:
     """A row for a robot."""
     from codegen.measure.pinocchio_models import ours, theirs_of
@@ -73,7 +97,10 @@ def rows(options: argparse.Namespace) -> Iterator[list[Any]]:
     for name in (n for n in options.names if n in SIZES):
         for layout in options.layouts or (("kinds", "unrolled") if name == "CHAIN" else ("auto",)):
             for size in options.sizes or DEFAULT[name]:
-                yield of_each_body(name, size, layout, options.sweeps)
+                if options.products:
+                    yield products_of_each_body(name, size, layout)
+                else:
+                    yield of_each_body(name, size, layout, options.sweeps)
 
 
 def main() -> None:
@@ -82,10 +109,11 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="*", type=int, help="rods, or loops of ladders")
     parser.add_argument("--layouts", nargs="*", choices=("auto", "kinds", "unrolled"))
     parser.add_argument("--sweeps", action="store_true", help="print every sweep as well")
+    parser.add_argument("--products", action="store_true", help="count second derivatives")
     parser.add_argument("--robots", type=Path, help="the folder `robots` of example-robot-data")
     options = parser.parse_args()
     if found := list(rows(options)):
-        print("For each body:\n\n" + markdown(HEAD, found))
+        print("For each body:\n\n" + markdown(HEAD_PRODUCTS if options.products else HEAD, found))
     if robots := [n for n in options.names if n not in SIZES]:
         layout = (options.layouts or ["unrolled"])[0]
         print("\nIn all:\n\n" + markdown(HEAD_ROBOTS, [of_robot(options.robots, n, layout) for n in robots]))

@@ -13,6 +13,8 @@ import pytest
 
 from codegen import generate
 from codegen.manifest import OUTSIDE
+from codegen.measure.models import sized
+from codegen.measure.operations import of_manifest, plain, total
 from codegen.mechanics.procedures import arrays, procedures
 from codegen.mechanics.procedures.words import MOTIONS
 from codegen.mechanics.sweeps import SWEEP
@@ -199,6 +201,23 @@ def test_the_pivot_check_of_a_planar_mechanism_costs_little() -> None:
     assert sum(sum(operations[sweep]["per_call"].values()) for sweep in sweeps) <= 106
     stored = {name for block in source.program.blocks["triangularize"].values() for _, name, _ in block.stores}
     assert not stored & {"acc.J.xx", "acc.J.zz", "acc.M.yy"} and "acc.sJ" in stored
+
+
+def test_the_virtual_motion_of_a_ladder_costs_one_projection() -> None:
+    """Products with second derivatives: the conditions of the virtual motion have no right side, so no motion of the
+    links is computed before its forces are projected onto the sources."""
+
+    def operations(size: int) -> tuple[int, int]:
+        manifest = sized("LADDER", size).source(functions=("hessian_products",)).manifest
+        sweeps = of_manifest(manifest, "hessian_products")
+        times = Counter(manifest["functions"]["hessian_products"]["sweeps"])
+        values = [name for name in sweeps if name.startswith("virtual_")]
+        assert values and {times[name] for name in values} == {1}
+        return plain(total(sweeps)), plain(total(sweeps, among=values))
+
+    every, virtual = zip(operations(5), operations(4), strict=True)
+    assert virtual[0] - virtual[1] <= 4  # for one more loop, which has two links
+    assert every[0] - every[1] <= 1010
 
 
 def test_energies_take_inputs_where_springs_read_them() -> None:

@@ -250,13 +250,32 @@ def region_response(x: Scope, kind: RegionKind) -> None:
     clear_sums(x, kind)
 
 
+def link_at_rest(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link: no force is required while the sources are at rest and e is zero."""
+    for part in fields.needed.scalars():
+        x.store(MY_LANE, part, 0)
+
+
+def ear_at_rest(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: no force is required and no joint moves while the sources are at rest and e is zero."""
+    for k, dependent in enumerate(kind.dependent):
+        for part in (*fields.needed.scalars(), *(fields.dependent_acceleration(j) for j in dependent)):
+            x.store(MY_LANE[k], part, 0)
+
+
 def link_solution(x: Scope, kind: LinkKind) -> None:
     """Inward block of a link: the recursion of the bias force, with partners. Eqs. 45, 53."""
+    own, children = (x.load(store, of) for store, of in ((MY_LANE, fields.needed), (LME, fields.articulated_force)))
+    _eliminate(x, kind, [x.let("P", v, "Eq. 45", lanes=True) for v in add(own, children)])
+
+
+def link_virtual(x: Scope, kind: LinkKind) -> None:
+    """`link_solution` for e = 0."""
+    _eliminate(x, kind, [*x.load(LME, fields.articulated_force)])
+
+
+def _eliminate(x: Scope, kind: LinkKind, P: Vector) -> None:
     joint = kind.joint(x, kind, lanes=True)
-    P = [
-        x.let("P", x.load(MY_LANE, own) + x.load(LME, children), "Eq. 45", lanes=True)
-        for own, children in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
-    ]
     if joint.driven:
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
     of_partners = eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
@@ -272,8 +291,17 @@ def link_solution(x: Scope, kind: LinkKind) -> None:
 def ear_solution(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: residuals of the forces along the ear's joints, projected onto the sources. Eqs. 45,
     53."""
+    _project(x, kind, fields.needed)
+
+
+def ear_virtual(x: Scope, kind: EarKind) -> None:
+    """`ear_solution` for e = 0."""
+    _project(x, kind, None)
+
+
+def _project(x: Scope, kind: EarKind, own: SixField | None) -> None:
     ear = EarGeometry(x, kind)
-    force = forces_from_outboard(x, kind, fields.needed)
+    force = forces_from_outboard(x, kind, own)
     on_roots = propagate(x, ear, force)
 
     def residual(k: int, j: int) -> Value:
@@ -282,7 +310,7 @@ def ear_solution(x: Scope, kind: EarKind) -> None:
             return along
         view, a = ear.members[k].view, rotor(ear.members[k].view, kind.links[k], j)
         along = along - view.entry(RIGHT_SIDE, j)
-        if is_zero(a) or j not in kind.dependent[k]:
+        if own is None or is_zero(a) or j not in kind.dependent[k]:
             return along
         return along + a * x.load(MY_LANE[k], fields.dependent_acceleration(j))
 

@@ -85,6 +85,12 @@ class GivenAccelerations(WithLoops):
             *super().values(first),
         ]
 
+    def _virtual_motion(self, weights: Array, virtual: Array, solved: Array) -> list[Step]:
+        """The virtual motion, whose independent entries are given, and its multipliers."""
+        gap_side, found = self.multiplier.called("no_gap"), ((self.dudot, virtual), (self.found, solved))
+        right = ((self.right, weights), (self.gap_right, gap_side))
+        return [Own(gap_side), Zero(gap_side), Single(self.solution, right, found)]
+
     # -- along directions ------------------------------------------------------------------------------------------
 
     @property

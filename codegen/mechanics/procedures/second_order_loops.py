@@ -39,6 +39,9 @@ RESPONSE = run("response_out", "response_in", "balance_back", "response_forces",
 """Sweeps that solve for accelerations and multipliers, with right sides of the equations of motion and of the loops'
 conditions."""
 
+VIRTUAL = run("virtual_out", "virtual_in", *(s.sweep for s in RESPONSE[2:]))
+"""Sweeps that solve the same equations if the right sides of the loops' conditions are zero."""
+
 POSES = ("rotations", "pose")
 """Sweeps on which all other sweeps depend."""
 
@@ -156,16 +159,10 @@ class WithLoops:
 
     def _virtual_motion(self, weights: Array, virtual: Array, solved: Array) -> list[Step]:
         """The virtual motion and its multipliers, for weights of udot and, with `driving`, of the wrenches."""
-        gap_side = self.multiplier_bar if self.driving else self.multiplier.called("no_gap")
-        nothing: list[Step] = [] if self.driving else [Own(gap_side), Zero(gap_side)]
-        return [
-            *nothing,
-            Single(
-                self.solution,
-                ((self.right, weights), (self.gap_right, gap_side)),
-                ((self.dudot, virtual), (self.found, solved)),
-            ),
-        ]
+        right, found = ((self.right, weights),), ((self.dudot, virtual), (self.found, solved))
+        if self.driving:
+            return [Single(RESPONSE, (*right, (self.gap_right, self.multiplier_bar)), found)]
+        return [Single(VIRTUAL, right, found)]
 
     def _no_gradient(self) -> list[Step]:
         """Zeros to which blocks add the gradient and the adjoints of formulas."""
