@@ -127,6 +127,7 @@ def _keep_needed(program: Program, made: list[str]) -> None:
         if s in (GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED):
             for block in program.blocks[s].values():
                 block.statements = [one for statements, _ in by_results(block) for one in statements]
+                block.ordered = True  # most gradients are computed for one vector of weights
         if not any(b.stores for b in program.blocks[s].values()):
             del program.blocks[s]
 

@@ -78,6 +78,8 @@ class Block:
         For values named by `Scope.either`: the alternative expression, until one of the two is chosen.
     early : bool
         If true, values per direction are stored as soon as they are known; otherwise at the end.
+    ordered : bool
+        If true, targets keep the order of all statements, also of those whose values are common to all directions.
     """
 
     name: str
@@ -87,6 +89,7 @@ class Block:
     stores: list[tuple[Store, str, Expr]] = field(default_factory=list)
     otherwise: dict[Symbol, Expr] = field(default_factory=dict)
     early: bool = False
+    ordered: bool = False
 
     @property
     def length(self) -> int:

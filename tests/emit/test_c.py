@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 from functools import cache
@@ -18,6 +19,7 @@ from random_models import random_tree
 
 import codegen
 from codegen.emit.c import C, sines
+from codegen.emit.c.block_lines import FEW
 from codegen.emit.c.vectors import words
 from codegen.emit.repetition import json_text
 from codegen.emit.target import Scalar
@@ -41,6 +43,19 @@ bodies:
       shape: {{type: cylinder, axis: z, length: L, radius: radius, mass: rho*L, center: [0, 0, -L/2]}}
       first: {{parent: ground, joint: {{at: [0, 0, 0]}}}}
 """
+
+
+def test_functions_of_many_links_compute_values_common_to_all_directions_once() -> None:
+    """Not once for each vector of directions: compilers do not see that stored vectors leave these values alone."""
+    text = write_solver(parse_model(CHAIN.format(n=20)), "kinds", functions=("sensitivities",)).files
+    functions = re.findall(r"\(DIRECTIONS\(call\) \*a, int i\)\n\{\n(.*?)\n\}", text["chain_directions.h"], re.S)
+    few = 0
+    for before, _, inside in (body.partition("EACH_VECTOR {") for body in functions):
+        assert "const VECTOR" not in before
+        count = before.count("const double ") + inside.count("const double ")
+        few += 0 < count <= FEW
+        assert "const double " not in inside or count > FEW
+    assert few > 2
 
 
 def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "auto") -> None:

@@ -11,9 +11,13 @@ from ...program.block import Block, symbols_of
 from ...program.passes import as_computed, by_results
 from ...program.store import MARGIN, MODES, Store
 from ..language import Language, Located, Place
+from .divided import reads
 from .functions import in_all
 from .printer import CPrinter
 from .types import NUMBER_TYPE
+
+FEW = 60
+"""Largest number of values common to all directions that are computed before the loop over vectors."""
 
 
 class BlockLines:
@@ -21,12 +25,14 @@ class BlockLines:
 
     Results that are stored once for all directions are computed before the loop over vectors. Other values common to
     all directions stay in the order of the block: compilers move them out of the loop, and know better which of them
-    to keep in registers.
+    to keep in registers. Functions that run once for each member of a kind are different. Their rows have a variable
+    index, so compilers must assume that stored vectors change what such values depend on. They are computed just before
+    the loop if they are few (`FEW`).
 
     Attributes
     ----------
-    body, passes : list of str
-        Lines before that loop, and lines inside it.
+    body, common, passes : list of str
+        Lines before that loop, which end with values common to all directions, and lines inside it.
     pointers : dict of str to str
         Declarations of variables for rows of memory.
     waiting : dict
@@ -44,10 +50,14 @@ class BlockLines:
         self.stored = {*to}
         self.written = {at.variable for at in to}
         self.taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
-        self.accesses = Counter(at.variable for at in (*(place(*of) for of in block.loads.values()), *to))
+        places = [*(place(*of) for of in block.loads.values()), *to]
+        self.accesses = Counter(at.variable for at in places)
+        indexed = reads([at.row for at in places], "i")
         self.shared = stored_once(block)
+        self.few = few_common(block) - self.shared if indexed and not block.ordered else set()
         self.pointers: dict[str, str] = {}
         self.body: list[str] = []
+        self.common: list[str] = []
         self.passes: list[str] = []
         self.tags = {False: "", True: ""}
         self.waiting: dict[Symbol, tuple[int, list[str], str]] = {}
@@ -84,7 +94,7 @@ class BlockLines:
                 continue
             type_ = "VECTOR" if store.lanes else self.real
             line = f"const {type_} {names.get(symbol.name, symbol.name)} = {read};"
-            self.waiting[symbol] = number, self.body if before else self.passes, line
+            self.waiting[symbol] = number, self.body if before else self._lines_with(symbol), line
             soon += [symbol] if (at.row, at.text) in overwritten else []
         self.load(soon)
         return direct
@@ -115,11 +125,15 @@ class BlockLines:
                 self.tags[first] = s.tag
                 type_ = "VECTOR" if s.lanes else self.real
                 line = f"const {type_} {s.target} = {self._value(s.expression)};{comment}"
-                (self.body if first else self.passes).append(line)
+                (self.body if first else self._lines_with(s.target)).append(line)
             for store, name, value in stores:
                 self._store(store, name, value)
         passes = [each, *(f"    {line}" for line in self.passes), "}"] if self.passes else []
-        return [*self.pointers.values(), *self.body, *passes]
+        return [*self.pointers.values(), *self.body, *self.common, *passes]
+
+    def _lines_with(self, symbol: Symbol) -> list[str]:
+        """The lines to which the line of a value belongs on which no result that is stored once depends."""
+        return self.common if symbol in self.few else self.passes
 
     def _value(self, e: Expr) -> str:
         return in_all(self.printer(e)) if _is_number(e) else self.printer(e)
@@ -148,6 +162,15 @@ def stored_once(block: Block) -> set[Symbol]:
         if s.target in wanted:
             wanted |= symbols_of(s.expression)
     return wanted
+
+
+def few_common(block: Block) -> set[Symbol]:
+    """Values common to all directions that only the loop over vectors needs, with the loads on which they depend; none
+    if more than `FEW` of them have a variable."""
+    computed = {s.target for s in block.statements if not s.lanes}
+    loaded = {s for s, (store, _) in block.loads.items() if not store.lanes}
+    count = len((computed | (loaded - read_once(block))) - stored_once(block))
+    return computed | loaded if count <= FEW else set()
 
 
 def read_once(block: Block) -> set[Symbol]:
