@@ -25,6 +25,8 @@ def long_parts(source: str) -> list[str]:
 
     def walk(node: ast.AST, within: str) -> None:
         for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.expr):  # no function is defined within one
+                continue
             name = within
             if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 name = f"{within}.{child.name}".lstrip(".")
