@@ -39,20 +39,20 @@ def display(model: Model) -> dict[str, Any]:
 def _law(element: ForceElement) -> dict[str, Any]:
     """The force of an element along the line between its ends, or its components; empty for other types."""
     if isinstance(element, OnBody):
-        return {"components": _numbers(element.value), "axes": element.axes}
+        return {"components": numbers(element.value), "axes": element.axes}
     if not isinstance(element, Spring | AlongLine):
         return {}
     formula = SPRING if isinstance(element, Spring) else element.law.formula
-    values = zip(element.keys, _numbers(element.coefficients), strict=True)
-    return {"force": _number(formula), "coefficients": dict(values)}
+    values = zip(element.keys, numbers(element.coefficients), strict=True)
+    return {"force": number(formula), "coefficients": dict(values)}
 
 
 def _others(model: Model) -> dict[str, Any]:
     """The forces in joints with one degree of freedom, and the prescribed coordinates with rates that laws may
     contain."""
     single = [f for f in model.forces if len(f.values) == 1]
-    joints = [{"name": f.name, "body": f.body, "value": _number(f.values[0])} for f in single]
-    driven = {x.name: _numbers(x.values[:2]) for x in model.prescribed}
+    joints = [{"name": f.name, "body": f.body, "value": number(f.values[0])} for f in single]
+    driven = {x.name: numbers(x.values[:2]) for x in model.prescribed}
     return {**({"joint_forces": joints} if joints else {}), **({"prescribed": driven} if driven else {})}
 
 
@@ -63,11 +63,11 @@ def _faces(loop: Loop) -> tuple[Face, Face]:
 
 def _body(body: Body) -> dict[str, Any]:
     joint, rotation = body.joint, _rotation(body.joint.rotation)
-    placed = {"at": _numbers(joint.at), "axes": [_numbers(a) for a in joint.axes]}
+    placed = {"at": numbers(joint.at), "axes": [numbers(a) for a in joint.axes]}
     return {
         "parent": body.parent,
         "joint": {"type": joint.type, **placed, **({"rotation": rotation} if rotation else {})},
-        "com": _numbers(body.com),
+        "com": numbers(body.com),
         **({} if body.visuals is None else {"visuals": [_visual(v) for v in body.visuals]}),
     }
 
@@ -75,25 +75,26 @@ def _body(body: Body) -> dict[str, Any]:
 def _visual(visual: Visual) -> dict[str, Any]:
     optional = {
         "rotation": _rotation(visual.rotation),
-        "axis": None if visual.axis is None else _numbers(visual.axis),
+        "axis": None if visual.axis is None else numbers(visual.axis),
         "color": visual.color,
         "file": visual.file,
     }
     given = {key: value for key, value in optional.items() if value}
-    return {"type": visual.type, "sizes": _numbers(visual.sizes), "at": _numbers(visual.at), **given}
+    return {"type": visual.type, "sizes": numbers(visual.sizes), "at": numbers(visual.at), **given}
 
 
 def _end(place: Any) -> dict[str, Any]:
-    return {"body": place.body, "at": _numbers(place.at)}
+    return {"body": place.body, "at": numbers(place.at)}
 
 
 def _rotation(turns: Iterable[tuple[Iterable[Expression], Expression]]) -> list[Any]:
-    return [[_numbers(axis), _number(angle)] for axis, angle in turns]
+    return [[numbers(axis), number(angle)] for axis, angle in turns]
 
 
-def _numbers(several: Iterable[Expression]) -> list[Any]:
-    return [_number(e) for e in several]
+def numbers(several: Iterable[Expression]) -> list[Any]:
+    """Expressions for `model.json`: numbers, or expression trees."""
+    return [number(e) for e in several]
 
 
-def _number(e: Expression) -> float | Sequence[Any]:
+def number(e: Expression) -> float | Sequence[Any]:
     return float(e.value) if e.is_number else e.tree

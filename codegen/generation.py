@@ -387,7 +387,9 @@ def _errors(
     q, u, _, inputs, t = state
     if model.loops:
         try:
-            q, u = solver.assemble(q, u, None, inputs, t)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # a random guess may be far from any closed state
+                q, u = solver.assemble(q, u, None, inputs, t)
         except (AssemblyError, SingularJointError) as open_loop:
             return f"none of them can be assembled, the last because {open_loop}"
     q, u, inputs = (

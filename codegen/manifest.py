@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .display import display
+from .display import display, numbers
 from .emit.c.functions import batch_arrays
 from .emit.c.libraries import FRAMES as FRAMES_LIBRARY
 from .emit.c.libraries import libraries, library_of
@@ -16,6 +16,7 @@ from .mechanics.expansion import Program
 from .mechanics.outputs.outputs import pivoted_outputs
 from .mechanics.structure.system import System
 from .mechanics.sweeps import SWEEP, Sweep
+from .model.checks import check_inertia
 from .model.expressions import Expression
 from .model.model import Model, closure_row_names
 from .program.counting import counted
@@ -118,6 +119,7 @@ def manifest(
         "quaternions": [i for i, name in enumerate(model.coordinate_names) if name.endswith(".qw")],
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
+        **_masses(model),
         **_couplings(model),
         **_elements(system),
         **_singular_outputs(system),
@@ -195,6 +197,68 @@ def _branching_motion(model: Model) -> dict[str, Any]:
         if any(not Expression(s).names.isdisjoint(moving) for _, s in switched(x.value.tree))
     ]
     return {"branching_motion": found} if found else {}
+
+
+def _masses(model: Model) -> dict[str, Any]:
+    """Masses, inertias and armatures that depend on parameters, as expression trees: parameters may make them negative.
+
+    Bodies with equal expressions have one entry. Inertias that are impossible at the default parameters, which the model
+    tolerates, are left out. An entry is simple if the quantity is positive for positive parameters.
+    """
+    found: dict[tuple[Expression, ...], str] = {}
+    default = model.defaults
+    impossible = {
+        i for i, path, _, _ in check_inertia(model.bodies, lambda e: float(e.evaluate(default))) if path == ("inertia",)
+    }
+    for i, body in enumerate(model.bodies):
+        several: list[tuple[str, tuple[Expression, ...]]] = [(f"the mass of {body.name!r}", (body.mass,))]
+        several += [(f"the armature of {body.name!r}", (e,)) for e in body.joint.armature]
+        if i not in impossible:
+            several.append((f"the smallest principal moment of {body.name!r}", body.inertia))
+        for what, values in several:
+            diagonal = all(e.is_number and e.value == 0 for e in values[3:])
+            never = diagonal and all(_is_never_negative(e.tree, body.mass.tree, len(values) > 1) for e in values)
+            if any(e.names for e in values) and not never:
+                found.setdefault(values, what)
+    entries = []
+    for values, what in found.items():
+        names = sorted(set().union(*(e.names for e in values)))
+        simple = all(default[n] > 0 for n in names) and all(
+            (e.is_number and e.value == 0) or (k < 3 and _is_positive(e.tree)) for k, e in enumerate(values)
+        )
+        entries.append({"what": what, "names": names, "simple": simple, "values": numbers(values)})
+    return {"masses": entries} if entries else {}
+
+
+def _is_never_negative(tree: Sequence[Any], mass: Sequence[Any], has_mass: bool) -> bool:
+    """Whether an expression consists of squares, numbers from 0, and, with `has_mass`, the body's mass, whose sign is tested
+    by itself."""
+    kind, *of = tree
+    match kind:
+        case "number":
+            return float(of[0]) >= 0
+        case "*" if of[0] == of[1]:
+            return True
+        case "**" if of[1][0] == "number" and float(of[1][1]) % 2 == 0:
+            return True
+        case "+" | "*" | "/":
+            return all(_is_never_negative(x, mass, has_mass) or (has_mass and x == mass) for x in of)
+    return has_mass and tree == mass
+
+
+def _is_positive(tree: Sequence[Any]) -> bool:
+    """Whether an expression consists of sums, products and powers that are positive for positive values of all names."""
+    kind, *of = tree
+    match kind:
+        case "name":
+            return True
+        case "number":
+            return float(of[0]) > 0
+        case "+" | "*" | "/":
+            return all(map(_is_positive, of))
+        case "**":
+            return _is_positive(of[0])
+    return False
 
 
 def _couplings(model: Model) -> dict[str, list[str]]:

@@ -71,7 +71,7 @@ def _fmu(options: argparse.Namespace, status: StatusLine) -> list[str]:
         )
     except PlatformError as error:
         raise Failure(str(error)) from None
-    return [repr(found), f"states: {', '.join(found.states)}"]
+    return [repr(found), f"states: {', '.join(found.states) or 'none'}"]
 
 
 def _plain_c(options: argparse.Namespace, status: StatusLine) -> list[str]:

@@ -126,7 +126,8 @@ def check_inertia(
     for i in _where(mass < 0):
         seen = with_value(bodies[i].mass, mass[i])
         yield i, ("mass",), f"mass of {bodies[i].name!r}, {seen}, is negative; it must be at least 0", "error"
-    impossible = (moments[:, 0] < -PSD_TOLERANCE) & (moments[:, 0] * scale < -dirt)
+    possible_mass = mass >= 0  # a negative mass makes the moments of a solid negative, too: one message is enough
+    impossible = (moments[:, 0] < -PSD_TOLERANCE) & (moments[:, 0] * scale < -dirt) & possible_mass
     for i in _where(impossible):
         low = moments[i, 0] * scale[i]
         message = f"the inertia of {bodies[i].name!r} has the negative principal moment {low:.6g}"
@@ -145,7 +146,11 @@ def check_inertia(
             yield i, ("inertia",), message, "error"
     if is_whole and _is_planar(bodies):
         return
-    broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
+    broken = (
+        (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2])
+        & ~impossible
+        & possible_mass
+    )
     for i in _where(broken & (scale > dirt)):
         a, b, c = moments[i] * scale[i]
         message = (

@@ -190,12 +190,7 @@ def compose(text: str, file: str) -> Document:
     try:
         document.root = _Composer(document).compose(_events(text))
     except yaml.MarkedYAMLError as error:
-        found: Any = error.problem_mark or error.context_mark
-        what = " ".join(str(p) for p in (error.context, error.problem) if p)
-        if "\t" in text and "cannot start any token" in what:
-            what += " (a tab? YAML is indented with spaces)"
-        if "mapping values are not allowed" in what:
-            what += " (a line above without a space after its colon? a text with a colon and without quotes?)"
+        found, what = _fault(error, text)
         line, column = (found.line + 1, found.column + 1) if found else (1, 1)
         raise ModelError([Problem(file, line, column, "", f"this is not YAML: {what}")]) from None
     except yaml.reader.ReaderError as error:
@@ -205,6 +200,77 @@ def compose(text: str, file: str) -> Document:
     except UnicodeError:
         raise ModelError([Problem(file, 1, 1, "", "contains characters outside Unicode; remove them")]) from None
     return document
+
+
+_OPENED = (
+    (
+        "flow mapping",
+        "the {{ of line {0} is not closed before this place, or a comma is missing; , or }} is needed here",
+    ),
+    (
+        "flow sequence",
+        "the [ of line {0} is not closed before this place, or a comma is missing; , or ] is needed here",
+    ),
+    (
+        "block mapping",
+        "a key with a colon is needed here, at the same indentation as the keys from line {0} on; "
+        "check the indentation, and that the lines above are complete",
+    ),
+    (
+        "block collection",
+        "the list from line {0} on ends here; each of its entries begins with - at the same indentation",
+    ),
+)
+"""What libyaml calls the part that it was reading, with a message that has the line where this part begins."""
+
+_BEGUN = (
+    ("escape", "an unknown escape after \\ in double quotes; write \\\\ for \\, or use single quotes"),
+    ("quoted scalar", "the quote that begins here is not closed; close it where the text ends"),
+    ("simple key", "this line has no colon; a key is written as key: value, with a space after the colon"),
+    ("block scalar", "a text after | or > begins on the next line; a text that begins with | or > needs quotes"),
+    ("anchor", "a name is needed after &; a text that begins with & needs quotes"),
+    ("alias", "a name is needed after *; a text that begins with * needs quotes"),
+    ("directive", "a line that begins with % is not allowed in a model file; remove it"),
+    ("a tag", "a value that begins with ! is not allowed in a model file; a text needs quotes"),
+)
+"""The same for parts that are wrong where they begin."""
+
+_HERE = (
+    (
+        "mapping values",
+        "a colon is not allowed here; a line above may lack the space after its colon, this line may be indented too far, "
+        "or a text with a colon needs quotes",
+    ),
+    ("sequence entries", "a list does not begin on the line of its key; begin it on the next line, or write it in [ ]"),
+    ("mapping keys", "? is not allowed here; a text that begins with ? needs quotes"),
+    ("document start", "the document has ended above this line, at ...; a model file has only one document"),
+    ("incompatible", "a line that begins with % is not allowed in a model file; remove it"),
+)
+"""The same for what is not allowed at its place."""
+
+
+def _fault(error: Any, text: str) -> tuple[Any, str]:
+    """The place and the words for an error of libyaml, whose own words are those of its grammar."""
+    context, problem = error.context or "", error.problem or ""
+    here, begun = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
+    character = text[here.index : here.index + 1] if here else ""
+    if "cannot start any token" in problem and character == "\t":
+        return here, "a tab is not allowed here; indent with spaces"
+    if "cannot start any token" in problem or "node content" in problem:
+        begins = f"a value does not begin with {character!r}; a text that does needs quotes"
+        return here, begins if character.strip() else "a value is needed here"
+    if "block mapping" in context and character in ("}", "]"):
+        return here, f"{character} closes nothing here; remove it, or add what it closes"
+    for words, message in _OPENED:
+        if words in context:
+            return here, message.format(begun.line + 1)
+    for words, message in _BEGUN:
+        if words in f"{context} {problem}":
+            return begun, message
+    for words, message in _HERE:
+        if words in problem:
+            return here, message
+    return here, f"{context} {problem}".strip()
 
 
 def _events(text: str) -> Iterator[Any]:

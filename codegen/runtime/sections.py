@@ -50,7 +50,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 PARTS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("assembly.loops", "assembly.open_states", "trust.exact_loops"), ("closure",)),
-    "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
+    "state.negative_masses": ("masses",), "assembly.redundancy": ("opening", "dropped"), "state.loop_forces": ON_INDEPENDENTS,
     "motion.prescribed_branches": ("branching_motion",), "trust.single_precision": ("scalar",),
     "calls.on_threads": ("over_states",), "display.views": ("display",),
 }  # fmt: skip

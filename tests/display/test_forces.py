@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ordernm
+from codegen.runtime.standalone.calls.formulas import value_of
 from codegen.runtime.standalone.display.forces import KINDS, applied_kinds
-from codegen.runtime.standalone.display.formulas import value_of
 from codegen.runtime.standalone.display.viewer import wanted_arrows
 
 FREE = """

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -91,7 +92,7 @@ def test_moments_without_effect_in_planar_models_cause_no_warning(joint, warns):
         ("inputs: [motor]", "inputs: [L]", "m.yaml:5:10: inputs[0]: name 'L' is already taken by a parameter*"),
         ("  hand:", "  3rd:", "m.yaml:12:3: bodies.3rd: '3rd' is not a valid name*"),
         ("  L: 1.0", "  sin: 1.0", "m.yaml:4:3: parameters.sin: 'sin' is reserved*"),
-        ("model: m", "model:m", "m.yaml:2:8: this is not YAML: mapping values * (a line above without a space after its colon?*"),
+        ("model: m", "model:m", "m.yaml:2:8: this is not YAML: a colon is not allowed here; a line above may lack the space after its colon*"),
         ("model: m", "model: while", "m.yaml:1:8: model: 'while' is a reserved word*"),
         ("model: m", "model: 4bar", "m.yaml:1:8: model: '4bar' is not a valid name*"),
         ("mass: 1\n", "mass: __import__('os')\n", "m.yaml:15:22: bodies.hand.mass: \"__import__('os')\"*"),
@@ -372,3 +373,47 @@ def test_any_structure_anywhere_is_a_model_or_a_model_error(value, section):
             parse_model(yaml.safe_dump(root))
         except ModelError as error:
             assert str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: {b: 1\nc: 2", "2:2: this is not YAML: the { of line 1 is not closed before this place, or a comma is missing"),
+        ("a: [1, 2\nb: 3", "2:2: this is not YAML: the [ of line 1 is not closed before this place, or a comma is missing"),
+        ("a: {b: c: 1}", "1:9: this is not YAML: the { of line 1 is not closed before this place, or a comma is missing"),
+        ("b: 1\na: 'x\nc: 2\n", "2:4: this is not YAML: the quote that begins here is not closed"),
+        ('a: "x\ny: 2\n', "1:4: this is not YAML: the quote that begins here is not closed"),
+        ("a:\n\t- 1\n", "2:1: this is not YAML: a tab is not allowed here; indent with spaces"),
+        ("a: 1\n  b: 2\n", "2:4: this is not YAML: a colon is not allowed here; * indented too far"),
+        ("- a\nb: 1", "2:1: this is not YAML: the list from line 1 on ends here"),
+        ('a: "\\q"', "1:4: this is not YAML: an unknown escape after \\ in double quotes"),
+        ("a: @x", "1:4: this is not YAML: a value does not begin with '@'; a text that does needs quotes"),
+        ("a: ]\n", "1:4: this is not YAML: a value does not begin with ']'"),
+        ("a: |bad\n", "1:4: this is not YAML: a text after | or > begins on the next line"),
+        ("a: > bad\n", "1:4: this is not YAML: a text after | or > begins on the next line"),
+        ("a: &\n", "1:4: this is not YAML: a name is needed after &"),
+        ("a: *\n", "1:4: this is not YAML: a name is needed after *"),
+        ("a: !<x\n", "1:4: this is not YAML: a value that begins with ! is not allowed"),
+        ("%TAG foo", "1:1: this is not YAML: a line that begins with % is not allowed"),
+        ("%YAML 3.0\n---\na: 1", "1:1: this is not YAML: a line that begins with % is not allowed"),
+        ("a: 1\nb\n", "2:1: this is not YAML: this line has no colon"),
+        ("a: {b: 1}}\n", "1:10: this is not YAML: } closes nothing here"),
+        ("a:\n  b: 1\n c: 2\n", "3:2: this is not YAML: a key with a colon is needed here, at the same indentation as * line 1"),
+        ("key: - 1\n", "1:6: this is not YAML: a list does not begin on the line of its key"),
+        ("a: ? b", "1:4: this is not YAML: ? is not allowed here"),
+        ("a: 1\n...\nb", "3:1: this is not YAML: the document has ended above this line"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("loader", ["CBaseLoader", "BaseLoader"])
+def test_faults_of_yaml_are_named_in_words_of_the_project(text, message, loader, monkeypatch):
+    if loader == "BaseLoader":
+        monkeypatch.delattr(yaml, "CBaseLoader", raising=False)
+    with pytest.raises(ModelError) as caught:
+        parse_model(text, "m.yaml")
+    (line,) = str(caught.value).splitlines()
+    before, _, after = message.partition(" * ")
+    assert after in line and not any(words in line for words in ("while ", "expected", "token", "scalar", "mapping"))
+    place, _, words = before.partition(": ")
+    assert words in line
+    if loader == "CBaseLoader":
+        assert line.startswith(f"m.yaml:{place}: ")

@@ -52,7 +52,7 @@ class SingularJointError(_Remembering, np.linalg.LinAlgError):
         )
         super().__init__(
             message
-            or f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
+            or f"nothing outboard of joint {link} has positive inertia about it{where}, so its acceleration is not determined; "
             f"give its body, or one outboard of it, mass or inertia{turned if joint and axis == '1' else ''}"
         )
         self.link = link

@@ -107,10 +107,16 @@ class Solver(Package):
             of_redundancy = Redundancy(self)
             of_redundancy.watch_calls()
             self._watch = of_redundancy.look_at_directions
+        self._looks_at_state = []
         if self.closure_names:
             from .assembly.open_states import OpenStates
 
-            self._look_at_state = OpenStates(self).look
+            self._looks_at_state.append(OpenStates(self).look)
+        if "masses" in self._manifest:
+            from .state.negative_masses import NegativeMasses
+
+            self._masses = NegativeMasses(self)
+            self._looks_at_state.append(self._masses.look)
         if "scalar" in self._manifest and "assemble" not in self.__dict__:
             from .trust.single_precision import InDouble
 

@@ -51,8 +51,10 @@ class Package:
 
     _watch: Callable[[str | Wanted, tuple[Any, ...], tuple[Any, ...] | None], None] | None = None
     """Warns if no derivative exists along a direction."""
-    _look_at_state: Callable[[str | Wanted, tuple[Any, ...]], None] | None = None
-    """Warns if a state that a user has typed leaves loops open."""
+    _looks_at_state: Sequence[Callable[[str | Wanted, tuple[Any, ...]], None]] = ()
+    """Warn if a state that a user has typed leaves loops open, or if parameters by name make a mass negative."""
+    _masses: Any = None
+    """Warns of parameters that make a mass negative, if parameters can do so."""
     _threads: int | None = None
     _bad_states = "error"
 
@@ -164,8 +166,15 @@ class Package:
 
     @property
     def parameters(self) -> Array:
-        """Default values of the design parameters, (np,)."""
+        """Default values of the design parameters, (np,): a copy. Pass other values as ``p`` of a call."""
         return self._arguments.defaults["p"].copy()
+
+    @parameters.setter
+    def parameters(self, values: object) -> None:
+        named = f', such as p={{"{self.parameter_names[0]}": 1.0}}' if self.parameter_names else ""
+        raise AttributeError(
+            f"the default parameters of {self.name} cannot be changed; pass other values as p of a call{named}"
+        )
 
     @property
     def batch_threads(self) -> int | None:
@@ -311,14 +320,15 @@ class Package:
         """
         if self._watched:
             self._look_at_directions(wanted, given, seeds)
-        look = self._look_at_state
-        if look is not None and (type(given[0]) is not np.ndarray or dict in map(type, given)):
-            look(wanted, given)
-            look = None
+        looks = self._looks_at_state
+        if looks and (type(given[0]) is not np.ndarray or dict in map(type, given)):
+            for look in looks:
+                look(wanted, given)
+            looks = ()
         found = self._calls[wanted](given, seeds, out)
         if found is not None:
             return found
-        if look is not None:  # parameters may be a mapping of another type
+        for look in looks:  # parameters may be a mapping of another type
             look(wanted, given)
         opened, name = self._opened, wanted if isinstance(wanted, str) else wanted.name
         if name in self._composed and name not in opened.functions:

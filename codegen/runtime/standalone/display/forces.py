@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .formulas import value_of
+from ..calls.formulas import value_of
 from .poses import Arrows, Poses
 from .scene import GROUND, Scene
 

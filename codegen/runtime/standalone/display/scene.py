@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .formulas import value_of
+from ..calls.formulas import value_of
 
 GROUND = -1
 """Index of the ground as a body."""

@@ -185,13 +185,14 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
     ------
     ValueError
     """
-    found = list(given) if isinstance(given, Iterable) else [given]
+    found = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
     if not found:
         raise ValueError("no functional is given; give one, such as Final('tip_x') or Integral('power')")
     for f in found:
         if not isinstance(f, Functional):
+            at_end = f", such as Final({f!r})" if isinstance(f, str) else ""
             raise ValueError(
-                f"{f!r} is not a functional; allowed are Final, At, Integral, AtEvent and LeastSquares"
+                f"{f!r} is not a functional; allowed are Final, At, Integral, AtEvent and LeastSquares{at_end}"
                 f"{of_another_version(f, get_args(Functional))}"
             )
         if isinstance(f, AtEvent):

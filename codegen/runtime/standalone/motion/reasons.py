@@ -40,6 +40,11 @@ class Reasons(MotionRun):
         condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED and run.reason != "undetermined":
             return self._cause(problem, run)
+        if not self.independent_speed_names:  # no choice of coordinates would help
+            return (
+                f"{self._cause(problem, run)}. The loops could hardly be closed there (condition number {condition:.2g}): the "
+                f"prescribed motion comes to the end of their reach; check the lengths"
+            )
         choices = len(partitions_of(self._manifest))
         way = (
             "a package with two partitions (generate with --partitions 2) can change to other independent coordinates before"

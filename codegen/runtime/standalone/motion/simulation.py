@@ -170,6 +170,8 @@ class Simulation(Reasons):
             raise ValueError(
                 f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; ordernm.simulate_many takes more"
             )
+        if p is not None and self.package._masses is not None:
+            self.package._masses.test(p_all)
         inputs, at = given.inputs, sampling_times(start, end, given.controller.period) if given.controller else None
         if at is not None:
             inputs, controlled = with_controlled(self.signal_names, inputs, self.moving_inputs, at)

@@ -114,6 +114,9 @@ def _digest(words: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
 
 def _read_npz(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]]:
     with open(path, "rb") as file:  # a missing file raises its own error; later errors mean damage
+        if file.read(2) not in (b"PK", b"\x93N"):  # a ZIP archive, or a single NumPy array
+            raise TrajectoryFileError(damaged(path, "it does not begin like a file .npz"))
+        file.seek(0)
         try:
             archive = np.load(file, allow_pickle=False)
             if not isinstance(archive, np.lib.npyio.NpzFile):
