@@ -135,11 +135,6 @@ def test_a_prescribed_motion_beyond_its_reach_is_not_sent_to_other_independents(
     assert "partition" not in str(caught.value)
 
 
-def test_parameters_cannot_be_assigned(crane):
-    with pytest.raises(AttributeError, match=r'pass other values as p of a call, such as p=\{"m": 1\.0\}'):
-        crane.parameters = [1.0] * 9
-
-
 def test_a_name_is_no_functional(crane):
     with pytest.raises(ValueError, match=r"^'angle' is not a functional; .* such as Final\('angle'\)"):
         crane.judge(1.0, "angle", wrt="m")

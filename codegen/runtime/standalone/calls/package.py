@@ -169,13 +169,6 @@ class Package:
         """Default values of the design parameters, (np,): a copy. Pass other values as ``p`` of a call."""
         return self._arguments.defaults["p"].copy()
 
-    @parameters.setter
-    def parameters(self, values: object) -> None:
-        named = f', such as p={{"{self.parameter_names[0]}": 1.0}}' if self.parameter_names else ""
-        raise AttributeError(
-            f"the default parameters of {self.name} cannot be changed; pass other values as p of a call{named}"
-        )
-
     @property
     def batch_threads(self) -> int | None:
         """Number of threads that share the states of a batch in C, or None to choose by the batch.
