@@ -27,6 +27,7 @@ from .plan import plan_of
 from .procedures import (
     GRADIENT_TANGENTS,
     SECOND_ORDER,
+    SWITCH_PRODUCTS,
     SWITCHES,
     check_names,
     checked_backwards,
@@ -75,7 +76,7 @@ def expanded(
     model = system.model
     selected = procedures(system, reactions, functions, frames, moves)
     read = {t for p in selected for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
-    second = [p for p in selected if p.name in SECOND_ORDER]
+    second = [p for p in selected if p.name in (*SECOND_ORDER, SWITCH_PRODUCTS)]
     for shape in system.shapes if second else ():
         differentiate_twice(shape)
     values, records = output_formulas(system)

@@ -72,7 +72,7 @@ def _within(text: str, i: int) -> bool:
     return before.isalnum() or after.isalnum() or before in ("_", ".") or after == "_"
 
 
-def drawn(seed: int, folder: Path) -> tuple[Any, Any, Any, list[str]]:
+def drawn(seed: int, folder: Path, functions: str = "motion") -> tuple[Any, Any, Any, list[str]]:
     """A solver of a random model with switches, a state and parameters to begin with, and what derivatives are by.
 
     Thresholds are what a motion without these forces passes at a time.
@@ -92,7 +92,7 @@ def drawn(seed: int, folder: Path) -> tuple[Any, Any, Any, list[str]]:
     more = [Parameter(f"{letter}_{n}", 0.0) for n in range(len(added)) for letter in "abcf"]
     p = np.array([*(model.defaults.values() if p is None else p), *np.zeros(len(more))])
     model = dataclasses.replace(model, forces=(*model.forces, *added), parameters=(*model.parameters, *more))
-    codegen.generate(model, folder, functions=["motion"], check=False, compile="all")
+    codegen.generate(model, folder, functions=functions, check=False, compile="all")
     solver = codegen.load(folder)
     given: dict[str, Any] = {"p": p, "inputs": [0.0] * solver.ninputs, "most_steps": MOST}
     try:

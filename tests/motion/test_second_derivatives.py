@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motion.models import driven
 from motions import crank_driven_by_its_piston
 
 import codegen
@@ -206,19 +205,6 @@ def test_bad_arguments_are_refused(solver: codegen.Solver, more: Any, message: s
 def test_other_refusals(solver: codegen.Solver) -> None:
     with pytest.raises(ValueError, match="nothing to differentiate by; name variables in wrt"):
         solver.judge(1.0, Final("tip_x"), hessian=True)
-
-
-@pytest.mark.filterwarnings("ignore:steps of 0.05 s do not resolve")
-def test_motions_that_pass_a_switch_are_refused(tmp_path: Path) -> None:
-    """Before the switch, Hessians are those of the branch."""
-    model = driven("1.0", "-9.81*a + 100*max(0, -q.stone)", "q: {stone: 1.0}")[0]
-    codegen.generate(model, tmp_path / "package", functions=FUNCTIONS)
-    solver = codegen.load(tmp_path / "package")
-    found = solver.judge(0.4, Final("z"), wrt=("a", "u0.stone"), hessian=True, **FIXED)
-    np.testing.assert_allclose(found.gradients, [[-9.81 * 0.08, 0.4]], rtol=1e-12)
-    assert np.abs(found.hessian_products).max() < 1e-12
-    with pytest.raises(ValueError, match="hessian: a force or an output changes its branch during the motion"):
-        solver.judge(0.6, Final("z"), wrt=("a", "u0.stone"), hessian=True, **FIXED)
 
 
 def test_a_package_without_the_function_says_which(tmp_path: Path) -> None:

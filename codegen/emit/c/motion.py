@@ -26,7 +26,9 @@ ALONG = (
 )  # fmt: skip
 """Functions over directions that integration calls."""
 
-CURVED = ("gradient_tangents", "coordinate_rate_hessian_products")
+CURVED = (
+    "gradient_tangents", "switch_hessian_products", "output_hessian_products", "coordinate_rate_hessian_products",
+)  # fmt: skip
 """Functions over directions that Hessian products of motions call."""
 
 WIDTHS = (1, 8)
@@ -87,7 +89,7 @@ def write_motion(model: Model, manifest: Mapping[str, Any], procedures: Iterable
     for f in [f for f in VALUES if f in functions]:
         parts[first].append((f, _call(name, f, functions[f], "")))
         members[f] = f
-    curved = CURVED[:1] if model.coordinate_names == model.speed_names else CURVED
+    curved = CURVED[:-1] if model.coordinate_names == model.speed_names else CURVED
     for f in [f for f in (*ALONG, *curved) if f in functions]:
         symbols = [f"{f}_{w}" for w in WIDTHS]
         of = second if f.endswith("_transposed") or f in CURVED else first

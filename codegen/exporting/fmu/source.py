@@ -19,6 +19,7 @@ LEFT_OUT = (
     "curvature.c",
     "explicit_curvature.c",
     "radau_curvature.c",
+    "switches_curvature.c",
     "gradient_tangents.c",
     "backwards.c",
     "transposes.c",

@@ -17,15 +17,16 @@ from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
-from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, of_motions, second_order
+from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, SWITCH_PRODUCTS, of_motions, second_order
 from .shared import Shared
 from .swept import check_names, checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
 from .words import OTHER_WIDTHS, OUTPUTS, SHAPES, SWITCHES, arrays
 
 __all__ = [
-    "GRADIENT_TANGENTS", "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "UnknownFunctionError", "arrays",
-    "asks_reactions", "check_names", "checked_backwards", "left_out", "procedures", "swept_backwards", "swept_together",
+    "GRADIENT_TANGENTS", "OTHER_WIDTHS", "OUTPUTS", "SECOND_ORDER", "SHAPES", "SWITCHES", "SWITCH_PRODUCTS",
+    "UnknownFunctionError", "arrays", "asks_reactions", "check_names", "checked_backwards", "left_out", "procedures",
+    "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 MOTIONS = ("state_rates", "state_rate_sensitivities")
@@ -40,7 +41,8 @@ ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output
 
 IN_MODES = (
     "state_rates", "state_rate_sensitivities", "sensitivities_transposed", "outputs", "output_sensitivities",
-    "output_sensitivities_transposed", "switches", "switch_sensitivities", "switch_sensitivities_transposed",
+    "output_sensitivities_transposed", "switches", "switch_sensitivities", "switch_sensitivities_transposed", "gradient_tangents",
+    "output_hessian_products", "switch_hessian_products",
 )  # fmt: skip
 """Functions to which integration passes the modes of switches."""
 
@@ -82,7 +84,7 @@ def procedures(
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if not moves:
         found = without_motions(found, functions)
-    found = of_motions(w, switching(w, found))
+    found = switching(w, of_motions(w, found))
     if all(p.name != ALONG_MOTIONS[0] for p in found):
         return found
     return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)

@@ -64,14 +64,18 @@ def outputs(w: Shared) -> list[Procedure]:
 
 def switches(w: Shared) -> list[Procedure]:
     """Switching functions of the model, for integration over time."""
-    read = set[str]().union(*map(quantities_of, w.system.model.switches.found))
     return w.pair(
         ("switches", "switch_sensitivities"),
         ("The switching functions of the model.", "Switching functions and their total derivative along seeds."),
         w.state,
         ["switches"],
-        *_steps(w, measured(w.system, read, ()), SWITCHES),
+        *_steps(w, switch_quantities(w), SWITCHES),
     )
+
+
+def switch_quantities(w: Shared) -> list[Quantity]:
+    """The quantities that switching functions read."""
+    return measured(w.system, set[str]().union(*map(quantities_of, w.system.model.switches.found)), ())
 
 
 def _steps(

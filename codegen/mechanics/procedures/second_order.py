@@ -25,9 +25,11 @@ from .second_order_measures import (
     ENERGY_PRODUCTS,
     OUTPUT_PRODUCTS,
     RATE_PRODUCTS,
+    SWITCH_PRODUCTS,
     assembly_products,
     energy_products,
     rate_products,
+    switch_products,
 )
 from .second_order_outputs import driving_entries, lacking, output_products, solution_bars
 from .second_order_trees import TreeSteps
@@ -100,13 +102,17 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
 
 
 def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The given functions, and `GRADIENT_TANGENTS` if motions have Hessian products."""
+    """The given functions, and those that only Hessian products of motions call."""
     names = {p.name for p in found}
     if {HESSIAN_PRODUCTS, "state_rates"} <= names:
         stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
-        found = (*with_arrays(found, stored, {*SECOND_ORDER}), hessian_products(w, True))
+        further = [switch_products(w)] if w.system.model.switches.have_modes else []
+        found = with_arrays((*found, *(p for p in further if p)), stored, {*SECOND_ORDER, SWITCH_PRODUCTS})
+        found = (*found, hessian_products(w, True))
     if OUTPUT_PRODUCTS in names and driving_entries(w):  # sweeps store these adjoints in all functions
-        found = with_arrays(found, solution_bars(w), {*SECOND_ORDER, GRADIENT_TANGENTS} - {OUTPUT_PRODUCTS})
+        found = with_arrays(
+            found, solution_bars(w), {*SECOND_ORDER, SWITCH_PRODUCTS, GRADIENT_TANGENTS} - {OUTPUT_PRODUCTS}
+        )
     return found
 
 

@@ -25,13 +25,14 @@ from ...program.procedure import (
 )
 from ..quantities import ENERGIES, RATES, Quantity, measured, run
 from ..sweeps import DIFFERENTIATED_TWICE, adjoint_name, along_name
-from .measures import energies
+from .measures import energies, switch_quantities
 from .second_order_loops import MULTIPLIERS, POSES, WithLoops, bar_of, changed, run_along
 from .shared import Shared, performed
-from .words import OTHER_WIDTHS, OUTPUTS
+from .words import OTHER_WIDTHS, OUTPUTS, SWITCHES
 
 ENERGY_PRODUCTS, OUTPUT_PRODUCTS = "energy_hessian_products", "output_hessian_products"
 RATE_PRODUCTS, ASSEMBLY_PRODUCTS = "coordinate_rate_hessian_products", "assemble_hessian_products"
+SWITCH_PRODUCTS = "switch_hessian_products"
 
 
 def energy_products(w: Shared) -> Procedure:
@@ -56,6 +57,18 @@ def assembly_products(w: Shared) -> Procedure:
     made, weights = Measures(w, "assembly", [], (), of_state=False), w.of("q_weights", "u_weights")
     begin: tuple[Step, ...] = tuple(Combine(a, (of,)) for a, of in zip(made.zero, weights, strict=True))
     return made.procedure(ASSEMBLY_PRODUCTS, w.of("q", "u", *w.p), weights, begin)
+
+
+def switch_products(w: Shared) -> Procedure | None:
+    """The Hessian of a weighted sum of switching functions times directions, for motions; None if a function reads
+    accelerations or forces."""
+    bar, weights = w.one("switches").called("switches_bar"), w.one("switch_weights")
+    quantities = switch_quantities(w)
+    if any(q.dynamics for q in quantities):
+        return None
+    made = Measures(w, "switch", quantities, (SWITCHES,))
+    begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
+    return replace(made.procedure(SWITCH_PRODUCTS, w.of(*w.state), (weights,), begin, [bar]), internal=True)
 
 
 class Measures(WithLoops):

@@ -32,7 +32,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "point_places": ("3*npoints",),
     "masses": ("4",), "momenta": ("6",),
     "force_weights": ("nu",), "energy_weights": ("2",), "output_weights": ("noutputs",),
-    "rate_weights": ("nq",), "q_weights": ("nq",), "u_weights": ("nu",),
+    "rate_weights": ("nq",), "switch_weights": ("nswitches",), "q_weights": ("nq",), "u_weights": ("nu",),
     "modes": ("nswitches",), "switches": ("nswitches",),
     "gq": ("nq",), "gu": ("nu",), "gudot": ("nu",), "gp": ("np",), "ginputs": ("ninputs",), "gt": (),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),

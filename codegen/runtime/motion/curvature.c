@@ -2,6 +2,7 @@
  * and its tangents backwards. */
 #include "curvature.h"
 
+#include <math.h>
 #include <string.h>
 
 static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long size)
@@ -28,6 +29,14 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
     c->p = ordernm_numbers(&of, s->np*(problem->ndirections + LANES));
     c->b = ordernm_numbers(&of, s->nu);
     c->db = ordernm_numbers(&of, s->nu*LANES);
+    if (s->nswitches) {
+        const long row = s->nfree_q + s->nfree_u + s->np + s->ninputs + 1L;
+        c->before = ordernm_numbers(&of, size);
+        c->jump = ordernm_numbers(&of, size);
+        c->next_switch = ordernm_numbers(&of, 2*row + 2);
+        c->one = ordernm_numbers(&of, s->nswitches);
+        c->of_switch = ordernm_numbers(&of, (ROWS_OF_A_SWITCH + LANES)*row + (1L + problem->ndirections)*(row + s->ninputs));
+    }
     c->rate_weights = ordernm_numbers(&of, s->nq);
     c->dqdot = ordernm_numbers(&of, s->nq*LANES);
     return of.used;
@@ -76,6 +85,8 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
         if (!(h > 0.0)) continue;
         ordernm_find_segment(m, m->t, h);
         if (!m->identity) ordernm_take_derivatives(m, steps[4]);
+        if ((status = ordernm_switches_along(c, steps + ORDERNM_STEP_HEAD))) return status;
+        if (m->t == m->problem->start && (status = ordernm_look_at_begin(c))) return status;
         if (c->next < c->found->ntimes && c->found->times[c->next] <= m->t) { /* only at the motion's start */
             if ((status = ordernm_close_and_keep(c, m->t, m->z, c->found->states + c->next*record))) return status;
             ++c->next;
@@ -89,17 +100,37 @@ int ordernm_tangents(ordernm_curvature *c, const scalar *steps, long count, scal
 
 void ordernm_hessians_keep(const ordernm_curvature *c, scalar *before)
 {
-    before[0] = c->next;
-    ordernm_unpack(c, c->motion->z, before + 1);
+    before[0] = c->next, before[1] = c->passed;
+    memcpy(before + 2, c->motion->modes, c->motion->system->nswitches*sizeof(scalar));
+    ordernm_unpack(c, c->motion->z, before + 2 + c->motion->system->nswitches);
 }
 
 void ordernm_hessians_take(ordernm_curvature *c, const scalar *before)
 {
-    c->next = (long)before[0];
-    ordernm_pack(c, before + 1, c->motion->z);
+    c->next = (long)before[0], c->passed = (long)before[1];
+    memcpy(c->motion->modes, before + 2, c->motion->system->nswitches*sizeof(scalar));
+    ordernm_pack(c, before + 2 + c->motion->system->nswitches, c->motion->z);
 }
 
 int ordernm_hessians_state(ordernm_curvature *c, scalar t, scalar *to) { return ordernm_close_and_keep(c, t, c->motion->z, to); }
+
+int ordernm_hessians_integrands(ordernm_curvature *c, const scalar *steps, long count, const scalar *stages, const scalar *nodes,
+    scalar *sources)
+{
+    ordernm_motion *const m = c->motion;
+    const long record = ordernm_hessians_record(c), source = ordernm_source_size(c);
+    for (long k = 0; k < count; ++k, steps += ordernm_step_size(m->problem)) {
+        if (!(steps[1] > 0.0)) continue;
+        ordernm_find_segment(m, steps[0], steps[1]);
+        ordernm_take_modes(m, steps + ORDERNM_STEP_HEAD);
+        for (long i = k*c->all; i < (k + 1)*c->all; ++i) {
+            if (nodes[2*i + 1] == 0.0) continue;
+            const int status = ordernm_outputs_along(c, nodes[2*i], stages + i*record, c->found->weights, sources + i*source);
+            if (status) return status;
+        }
+    }
+    return 0;
+}
 
 /* ---- Backwards. ---- */
 
@@ -109,6 +140,8 @@ void ordernm_hessians_turn(ordernm_curvature *c)
     memset(c->p, 0, c->problem.system->np*(c->problem.ndirections + LANES)*sizeof(scalar));
     if (c->found->finish) ordernm_pack(c, c->found->finish, c->lambda);
     c->left = c->found->ntimes;
+    c->passed_left = c->passed_all;
+    if (c->next_switch) c->next_switch[2*(c->n + c->problem.system->np + c->problem.system->ninputs + 1L) + 1] = INFINITY;
 }
 
 int ordernm_hessians_backwards(ordernm_curvature *c, const scalar *steps, long count, const scalar *stages, const scalar *integrands)
@@ -120,9 +153,11 @@ int ordernm_hessians_backwards(ordernm_curvature *c, const scalar *steps, long c
         m->t = step[0];
         if (!(step[1] > 0.0)) continue;
         ordernm_find_segment(m, m->t, step[1]);
+        ordernm_take_modes(m, step + ORDERNM_STEP_HEAD);
         const scalar *const of = integrands ? integrands + i*c->all*ordernm_source_size(c) : 0;
-        const int status = m->radau ? ordernm_radau_along_back(c, step[1], stages + i*records, of)
-                                    : ordernm_explicit_along_back(c, step[1], stages + i*records, of);
+        int status = m->radau ? ordernm_radau_along_back(c, step[1], stages + i*records, of)
+                              : ordernm_explicit_along_back(c, step[1], stages + i*records, of);
+        if (!status) status = ordernm_switches_along_back(c, step + ORDERNM_STEP_HEAD);
         if (status) return status;
     }
     return 0;

@@ -19,6 +19,10 @@ struct ordernm_curvature {
     scalar *lambda, *kappa[MOST_STAGES], *nu;
     gradient values, along;           /* results: of one vector of weights, and in lanes */
     scalar *no_dt;                    /* zeros for time */
+    long passed, passed_left, passed_all; /* the same for steps that begin at switches; number of these steps */
+    scalar *before, *jump;            /* rates before a switch, and minus those after it */
+    scalar *one, *of_switch;          /* [nswitches] unit weights; memory for gradients at a switch */
+    scalar *next_switch;              /* the switch passed next: gradients of its function and of their rate, whether rates jump, time */
     scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
     scalar *b, *db;                   /* weights of udot, and their tangents; zero for dependent speeds */
     scalar *rate_weights, *dqdot;     /* the same for the rates of coordinates that are not speeds */
@@ -45,7 +49,6 @@ static inline int ordernm_some(const scalar *x, long n)
 }
 
 /* gradient_tangents.c */
-const scalar *ordernm_coordinates_of(const ordernm_curvature *c, const scalar *record);
 void ordernm_unpack(const ordernm_curvature *c, const scalar *z, scalar *to);
 void ordernm_pack(const ordernm_curvature *c, const scalar *from, scalar *z);
 int ordernm_rates_and_keep(const ordernm_curvature *c, scalar t, const scalar *z, scalar *rate, int stage, scalar *to);
@@ -54,6 +57,11 @@ int ordernm_gradients_along(ordernm_curvature *c, scalar t, const scalar *z, con
     int values);
 int ordernm_gradients_of(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu,
     const group *g);
+void ordernm_clear_gradient(const ordernm_curvature *c, const gradient *of, int width);
+void ordernm_add_inputs(ordernm_curvature *c, scalar t, int of_order, const scalar *of, int width, long from, int used, scalar factor);
+scalar ordernm_add_row(const ordernm_curvature *c, const gradient *of, int width, int lane, scalar *row);
+int ordernm_outputs_along(ordernm_curvature *c, scalar t, const scalar *record, const scalar *weights, scalar *source);
+void ordernm_take_record(const ordernm_curvature *c, const scalar *record, scalar *z);
 void ordernm_add_source(ordernm_curvature *c, scalar t, scalar factor, const scalar *source, scalar *nu);
 int ordernm_states_within(ordernm_curvature *c, scalar h, scalar until);
 void ordernm_samples_back(ordernm_curvature *c, scalar h, void (*weights)(scalar theta, scalar *factor), int count, scalar by);
@@ -64,5 +72,11 @@ int ordernm_explicit_along(ordernm_curvature *c, const scalar *step, scalar unti
 int ordernm_explicit_along_back(ordernm_curvature *c, scalar h, const scalar *records, const scalar *integrands);
 int ordernm_radau_step_along(ordernm_curvature *c, const scalar *step, scalar until, scalar *records, scalar *nodes);
 int ordernm_radau_along_back(ordernm_curvature *c, scalar h, const scalar *records, const scalar *integrands);
+
+/* switches_curvature.c: passes the switches at the start of a stored step, whose row contains these modes; the adjoint before them */
+enum { ROWS_OF_A_SWITCH = 4 }; /* gradients at a switch that are stored at once */
+int ordernm_look_at_begin(ordernm_curvature *c);
+int ordernm_switches_along(ordernm_curvature *c, const scalar *modes);
+int ordernm_switches_along_back(ordernm_curvature *c, const scalar *modes);
 
 #endif

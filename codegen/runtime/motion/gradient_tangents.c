@@ -10,12 +10,6 @@
 
 static long size_of_rows(const ordernm_curvature *c) { return (1L + c->problem.ndirections)*c->n; }
 
-/* All coordinates of a record; in models without loops, the independent ones. */
-const scalar *ordernm_coordinates_of(const ordernm_curvature *c, const scalar *record)
-{
-    return record + (c->motion->identity ? 0 : size_of_rows(c));
-}
-
 /* Index of the tangents of udot in a record. */
 static long rates_at(const ordernm_curvature *c)
 {
@@ -46,6 +40,14 @@ void ordernm_pack(const ordernm_curvature *c, const scalar *from, scalar *z)
     for (const group *g = m->groups; g < m->groups + m->ngroups; ++g)
         for (int l = 0; l < g->used; ++l)
             for (int i = 0; i < c->n; ++i) z[g->at + (long)i*g->width + l] = from[(1 + g->first + l)*c->n + i];
+}
+
+/* The state of a record, its dependent coordinates included. */
+void ordernm_take_record(const ordernm_curvature *c, const scalar *record, scalar *z)
+{
+    const ordernm_motion *const m = c->motion;
+    ordernm_pack(c, record, z);
+    for (int k = 0; k < m->nd; ++k) z[m->ny + m->nx + k] = record[size_of_rows(c) + m->dependent[k]];
 }
 
 /* A record of a state whose loops have just been closed. */
@@ -84,15 +86,16 @@ int ordernm_close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z
 
 /* ---- Derivatives of rates at the state of a record. ---- */
 
-/* Converts gradients by inputs at a time to gradients by control points, and adds these; `from` is 0 for values, 1 + k for direction k. */
-static void add_inputs(ordernm_curvature *c, scalar t, const scalar *of, int width, long from, int used, scalar factor)
+/* Converts gradients by inputs at a time, or by their time derivatives of the given order, to gradients by control points, and adds these;
+ * `from` is 0 for values, 1 + k for direction k. */
+void ordernm_add_inputs(ordernm_curvature *c, scalar t, int of_order, const scalar *of, int width, long from, int used, scalar factor)
 {
     ordernm_motion *const m = c->motion;
     const ordernm_system *const s = m->system;
     const ordernm_inputs *const in = &m->problem->inputs;
     scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
     const int signals = ordernm_signals(s);
-    const long first = ordernm_input_weights(m, t, value);
+    const long first = ordernm_input_weights(m, t, of_order, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);
@@ -115,7 +118,7 @@ static void add(ordernm_curvature *c, scalar t, const gradient *of, scalar *nu, 
         for (int l = 0; l < width; ++l) to[(s->nfree_q + i)*width + l] += of->u[s->free_u[i]*width + l];
     scalar *const p = g ? c->p + s->np*g->first : c->found->p;
     for (int i = 0; i < s->np*width; ++i) p[i] += of->p[i];
-    if (s->ninputs) add_inputs(c, t, of->inputs, width, from, used, 1.0);
+    if (s->ninputs) ordernm_add_inputs(c, t, 0, of->inputs, width, from, used, 1.0);
 }
 
 /* Adds the adjoints of coordinates to the adjoints of the speeds that are rates of these coordinates. */
@@ -128,13 +131,14 @@ static void add_rates(const ordernm_curvature *c, const scalar *kappa, scalar *n
 }
 
 /* Clears results of a function that leaves some of them untouched. */
-static void clear(ordernm_curvature *c, const gradient *of, int width)
+void ordernm_clear_gradient(const ordernm_curvature *c, const gradient *of, int width)
 {
     const ordernm_system *const s = c->motion->system;
     memset(of->q, 0, s->nq*width*sizeof(scalar));
     memset(of->u, 0, s->nu*width*sizeof(scalar));
     memset(of->p, 0, s->np*width*sizeof(scalar));
     memset(of->inputs, 0, s->ninputs*width*sizeof(scalar));
+    memset(of->t, 0, width*sizeof(scalar));
 }
 
 /* Arguments at the state of a record. */
@@ -151,7 +155,7 @@ static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, c
     const ordernm_system *const s = c->motion->system;
     const int width = g ? g->width : 1;
     const gradient *const to = g ? &c->along : &c->values;
-    clear(c, to, width);
+    ordernm_clear_gradient(c, to, width);
     memset(c->dqdot, 0, s->nq*width*sizeof(scalar));
     for (int i = 0; i < s->nfree_q; ++i)
         memcpy(c->dqdot + s->free_q[i]*width, kappa + (g ? g->at : 0) + i*width, width*sizeof(scalar));
@@ -174,7 +178,7 @@ static int rate_gradients(ordernm_curvature *c, scalar t, const scalar *z, const
     int status = values ? rates_transposed(c, call, t, kappa, nu, 0) : 0;
     for (const group *g = m->groups; !status && g < m->groups + m->ngroups; ++g) {
         if ((status = rates_transposed(c, call, t, kappa, nu, g))) break;
-        clear(c, d, g->width);
+        ordernm_clear_gradient(c, d, g->width);
         ordernm_seeds(m, t, z, g, &call);
         call.dt = c->no_dt;
         for (int i = 0; i < s->nfree_q; ++i) c->rate_weights[s->free_q[i]] = kappa[i];
@@ -228,7 +232,7 @@ int ordernm_gradients_of(ordernm_curvature *c, scalar t, const scalar *z, const 
     const scalar *const weights = kappa + (g ? g->at : 0);
     ordernm_call call;
     at_record(c, t, z, record, &call);
-    clear(c, to, width);
+    ordernm_clear_gradient(c, to, width);
     memset(c->db, 0, s->nu*width*sizeof(scalar));
     for (int i = 0; i < s->nfree_u; ++i)
         memcpy(c->db + s->free_u[i]*width, weights + (s->nfree_q + i)*width, width*sizeof(scalar));
@@ -239,6 +243,44 @@ int ordernm_gradients_of(ordernm_curvature *c, scalar t, const scalar *z, const 
     add(c, t, to, nu, g);
     add_rates(c, kappa, nu, g);
     return s->plain_rates ? 0 : rates_transposed(c, call, t, kappa, nu, g);
+}
+
+/* Adds a lane of the results of a function to a row of derivatives by the independent entries, the parameters and the inputs; returns the
+ * derivative by time. */
+scalar ordernm_add_row(const ordernm_curvature *c, const gradient *of, int width, int lane, scalar *row)
+{
+    const ordernm_system *const s = c->motion->system;
+    for (int i = 0; i < s->nfree_q; ++i) *row++ += of->q[s->free_q[i]*width + lane];
+    for (int i = 0; i < s->nfree_u; ++i) *row++ += of->u[s->free_u[i]*width + lane];
+    for (int i = 0; i < s->np; ++i) *row++ += of->p[i*width + lane];
+    for (int i = 0; i < s->ninputs; ++i) *row++ += of->inputs[i*width + lane];
+    return of->t[lane];
+}
+
+/* Adds the derivatives of weighted outputs at the state of a record to a source. */
+int ordernm_outputs_along(ordernm_curvature *c, scalar t, const scalar *record, const scalar *weights, scalar *source)
+{
+    ordernm_motion *const m = c->motion;
+    const ordernm_system *const s = m->system;
+    const gradient *const v = &c->values, *const d = &c->along;
+    const long length = c->n + s->np + s->ninputs;
+    ordernm_call call;
+    ordernm_take_record(c, record, m->trial);
+    at_record(c, t, m->trial, record, &call);
+    ordernm_clear_gradient(c, v, 1);
+    call.outputs = m->outputs, call.doutputs = (scalar *)weights;
+    call.dq = v->q, call.du = v->u, call.dp = v->p, call.dinputs = v->inputs, call.dt = v->t;
+    int status = s->output_sensitivities_transposed[ORDERNM_ONE](&call);
+    ordernm_add_row(c, v, 1, 0, source);
+    for (const group *g = m->groups; g < m->groups + m->ngroups && !status; ++g) {
+        ordernm_seeds(m, t, m->trial, g, &call);
+        ordernm_clear_gradient(c, d, g->width);
+        call.dt = c->no_dt, call.output_weights = weights;
+        call.dgq = d->q, call.dgu = d->u, call.dgp = d->p, call.dginputs = d->inputs, call.dgt = d->t;
+        status = s->output_hessian_products[g->index](&call);
+        for (int l = 0; l < g->used; ++l) ordernm_add_row(c, d, g->width, l, source + (1L + g->first + l)*length);
+    }
+    return status;
 }
 
 /* Adds `factor` times the derivatives of weighted outputs at a state, [1 + k][nq + nu + np + ninputs]. */
@@ -252,7 +294,7 @@ void ordernm_add_source(ordernm_curvature *c, scalar t, scalar factor, const sca
         const long at = g ? g->at + d - 1 - g->first : 0, stride = g ? g->width : 1;
         for (int i = 0; i < c->n; ++i) nu[at + i*stride] += factor*source[i];
         for (int i = 0; i < s->np; ++i) c->found->p[d*s->np + i] += factor*source[c->n + i];
-        if (s->ninputs) add_inputs(c, t, source + c->n + s->np, 1, d, 1, factor);
+        if (s->ninputs) ordernm_add_inputs(c, t, 0, source + c->n + s->np, 1, d, 1, factor);
     }
 }
 

@@ -86,15 +86,15 @@ static long b_splines(const ordernm_motion *m, scalar t, int order, scalar *valu
     return at - degree;
 }
 
-/* Values of the B-splines that are not zero at t; with prescribed motion by inputs, also first and second derivatives. Returns the index of
- * the first of these B-splines. */
-long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
+/* Time derivatives of the given order of the B-splines that are not zero at t; with prescribed motion by inputs, also the next two. Returns
+ * the index of the first of these B-splines. */
+long ordernm_input_weights(const ordernm_motion *m, scalar t, int of_order, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1])
 {
     const int orders = m->system->nmoving ? ORDERNM_ORDERS : 1;
     long first = 0;
     for (int order = 0; order < orders; ++order)
-        if (m->problem->inputs.knots) first = b_splines(m, t, order, value[order]);
-        else value[order][0] = order ? 0.0 : 1.0;
+        if (m->problem->inputs.knots) first = b_splines(m, t, order + of_order, value[order]);
+        else value[order][0] = order + of_order ? 0.0 : 1.0;
     return first;
 }
 
@@ -106,16 +106,15 @@ int ordernm_signal_of(const ordernm_system *s, int input, int *order)
     return behind < 0 ? input : s->moving[behind/2];
 }
 
-/* Time derivatives of all inputs. */
-void ordernm_input_rates(ordernm_motion *m, scalar t, scalar *rates)
+/* Time derivatives of all inputs, of the given order. */
+void ordernm_input_rates(ordernm_motion *m, scalar t, int of_order, scalar *rates)
 {
     const ordernm_inputs *const in = &m->problem->inputs;
     const ordernm_system *const s = m->system;
     memset(rates, 0, s->ninputs*sizeof(scalar));
     if (!in->knots || !in->values) return;
     scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    long first = 0;
-    for (int order = 0; order < (s->nmoving ? ORDERNM_ORDERS : 1); ++order) first = b_splines(m, t, order + 1, value[order]);
+    const long first = ordernm_input_weights(m, t, of_order, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);
@@ -131,7 +130,7 @@ const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t)
     if (!n || !in->values) return m->inputs; /* zeros */
     if (!in->knots && !s->nmoving) return in->values;
     scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    const long first = ordernm_input_weights(m, t, value);
+    const long first = ordernm_input_weights(m, t, 0, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);
@@ -141,15 +140,15 @@ const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t)
     return m->inputs;
 }
 
-/* Derivatives of the inputs along the directions of a group. */
-scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g)
+/* Derivatives of the inputs, or of their time derivatives of the given order, along the directions of a group. */
+scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g, int of_order)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const ordernm_system *const s = m->system;
     const int n = ordernm_signals(s), width = g->width;
     if (!n || !in->directions) return m->dinputs; /* zeros */
     scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    const long first = ordernm_input_weights(m, t, value);
+    const long first = ordernm_input_weights(m, t, of_order, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);

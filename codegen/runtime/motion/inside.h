@@ -4,7 +4,7 @@
  *
  *     control, backwards, curvature                        a motion step by step; its adjoint; tangents of the adjoint
  *     room, explicit_backwards, radau_backwards, switches_backwards     memory and start; the adjoint of a step, and of switches
- *     explicit_curvature, radau_curvature                  tangents of a step and of its adjoint
+ *     explicit_curvature, radau_curvature, switches_curvature     tangents of a step, of a switch, and of their adjoints
  *     steps, step_sizes, events, results, lost, transposes  between steps; step sizes; events; stored results; directions without
  *                                                           derivatives; the adjoint of a state
  *     gradient_tangents, radau_transposed                  tangents of the adjoint of a state; transposed equations of a step
@@ -270,11 +270,11 @@ void ordernm_find_segment(ordernm_motion *m, scalar t, scalar h);
 void ordernm_find_next_segment(ordernm_motion *m);
 scalar ordernm_next_knot(const ordernm_motion *m, scalar t);
 int ordernm_reach_knot(ordernm_motion *m);
-long ordernm_input_weights(const ordernm_motion *m, scalar t, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
+long ordernm_input_weights(const ordernm_motion *m, scalar t, int of_order, scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1]);
 int ordernm_signal_of(const ordernm_system *s, int input, int *order);
-void ordernm_input_rates(ordernm_motion *m, scalar t, scalar *rates);
+void ordernm_input_rates(ordernm_motion *m, scalar t, int of_order, scalar *rates);
 const scalar *ordernm_inputs_at(ordernm_motion *m, scalar t);
-scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g);
+scalar *ordernm_input_directions(ordernm_motion *m, scalar t, const group *g, int of_order);
 
 /* state.c */
 enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* rates of the state; of integrals; loops are known to be closed, and in long
@@ -375,6 +375,7 @@ int ordernm_arrive_at_knot(ordernm_motion *m);
 int ordernm_follow_inputs(ordernm_motion *m);
 void ordernm_keep_modes(const ordernm_motion *m, scalar *row);
 void ordernm_take_modes(ordernm_motion *m, const scalar *row);
+void ordernm_modes_beside(ordernm_motion *m, const scalar *row, const scalar *before, int k, int after);
 
 /* extremes.c */
 scalar ordernm_event_point(int i);

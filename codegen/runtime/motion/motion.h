@@ -33,7 +33,7 @@ typedef struct {
     ordernm_scalar *full_u, *dfull_q, *dfull_u;
     ordernm_scalar *step, *position, *condition;
     const ordernm_scalar *b, *db; /* weights of udot in Hessian products and their tangents */
-    const ordernm_scalar *rate_weights; /* weights of qdot in Hessian products */
+    const ordernm_scalar *rate_weights, *output_weights, *switch_weights; /* weights of other results in Hessian products */
     const ordernm_scalar *found_dudot; /* tangents of udot, known from the forward run; the next members are results */
     ordernm_scalar *dgq, *dgu, *dgp, *dginputs, *dgt;
     ordernm_scalar *gradient_q, *gradient_u, *gradient_p, *gradient_inputs, *gradient_t;
@@ -96,6 +96,7 @@ typedef struct {
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
     ordernm_function *coordinate_rate_hessian_products[ORDERNM_WIDTHS]; /* only if rates of coordinates are not speeds */
+    ordernm_function *output_hessian_products[ORDERNM_WIDTHS], *switch_hessian_products[ORDERNM_WIDTHS]; /* if the package has them */
     ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* tangents of the gradient of b.udot, with tangents of b; also the gradient */
 } ordernm_system;
 
@@ -299,7 +300,11 @@ int ordernm_replay(ordernm_motion *motion, const ordernm_scalar *known, ordernm_
 
 /* ---- Hessian products: tangents of the gradients along the problem's directions. ---- */
 
-/* Motions that cross no switch. With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
+/* Why second derivatives may not exist: another switch determines the time of a switch; rates jump at one of two switches that are passed at
+ * the same time, but whose functions differ; derivatives of rates jump at a switch at which the motion begins. */
+enum { ORDERNM_TIMED_BY_ANOTHER = 1, ORDERNM_AT_THE_SAME_TIME, ORDERNM_BEGINS_AT_A_SWITCH };
+
+/* With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
  * rows of its independent entries: values, then derivatives along each direction; in models with loops, all nq coordinates follow.
  * Sources are derivatives of a functional by the independent entries, the parameters and the inputs, and the tangents of these
  * derivatives: [1 + k][n + np + ninputs]. */
@@ -308,10 +313,13 @@ typedef struct {
     const ordernm_scalar *times;      /* increasing times of weighted outputs, from the start to the end */
     ordernm_scalar *states;           /* [ntimes] records at these times, set by ordernm_tangents */
     const ordernm_scalar *sources;    /* [ntimes]: sources at these times */
+    ordernm_scalar *passed;           /* [number of steps that begin at switches][record + nswitches]: states and modes before, set by ordernm_tangents */
+    const ordernm_scalar *weights;    /* [noutputs]: weights of integrals of outputs */
     const ordernm_scalar *finish;     /* [1 + k][n]: derivatives by the state after the last step, and their tangents; null for zeros */
     /* Gradients and Hessian products. The caller sets p and inputs to zero. */
     ordernm_scalar *start, *p, *inputs; /* [1 + k][n], [np], [count][nsignals] */
     long products;
+    int refused, refused_switch;      /* why second derivatives may not exist, and the number of the switch */
 } ordernm_hessians;
 
 typedef struct ordernm_curvature ordernm_curvature;
@@ -321,9 +329,10 @@ typedef struct ordernm_curvature ordernm_curvature;
  * [count][all][2]. The caller sets both arrays to zero. `all` is ordernm_hessians_stages; a record has ordernm_hessians_record doubles.
  * Parts of the steps follow each other; `until` is the time at the end of a part, infinite for the last one. ordernm_hessians_state then
  * gives the record of the state at the end. Then, for each functional, call ordernm_hessians_turn, ordernm_hessians_backwards for each part
- * from the last to the first, and ordernm_hessians_end. `integrands` contains the sources at the stages, [count][all], or is null. To
- * repeat a part whose records were not kept, call ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take
- * and ordernm_tangents again: `before` has the number of output times passed, the state and its tangents, [1 + (1 + k) n]. */
+ * from the last to the first, and ordernm_hessians_end. `integrands` contains the sources at the stages, [count][all], or is null;
+ * ordernm_hessians_integrands adds them to zeros, and needs output_hessian_products. To repeat a part whose records were not kept, call
+ * ordernm_hessians_keep before its tangents are computed, and later ordernm_hessians_take and ordernm_tangents again: `before` has the
+ * numbers of output times and of switches passed, the modes, the state and its tangents, [2 + nswitches + (1 + k) n]. */
 long ordernm_hessians_room(const ordernm_problem *problem);
 ordernm_curvature *ordernm_hessians_begin(const ordernm_problem *problem, ordernm_hessians *found, ordernm_scalar *room);
 int ordernm_hessians_stages(const ordernm_curvature *curvature);
@@ -332,6 +341,8 @@ int ordernm_tangents(ordernm_curvature *curvature, const ordernm_scalar *steps, 
     ordernm_scalar *nodes);
 void ordernm_hessians_keep(const ordernm_curvature *curvature, ordernm_scalar *before);
 void ordernm_hessians_take(ordernm_curvature *curvature, const ordernm_scalar *before);
+int ordernm_hessians_integrands(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, const ordernm_scalar *stages,
+    const ordernm_scalar *nodes, ordernm_scalar *sources);
 int ordernm_hessians_state(ordernm_curvature *curvature, ordernm_scalar t, ordernm_scalar *record);
 void ordernm_hessians_turn(ordernm_curvature *curvature);
 int ordernm_hessians_backwards(ordernm_curvature *curvature, const ordernm_scalar *steps, long count, const ordernm_scalar *stages,

@@ -78,9 +78,7 @@ static void begin_back(ordernm_curvature *c, scalar h, const scalar *records, co
     memcpy(c->kappa[STAGES - 1], c->lambda, m->size*sizeof(scalar));
     ordernm_samples_back(c, h, ordernm_radau_weights, STAGES, 1.0);
     for (int i = 0; i < STAGES; ++i) {
-        ordernm_pack(c, records + i*record, stage[i]);
-        const scalar *const q = ordernm_coordinates_of(c, records + i*record);
-        for (int k = 0; k < m->nd; ++k) stage[i][m->ny + m->nx + k] = q[m->dependent[k]];
+        ordernm_take_record(c, records + i*record, stage[i]);
         if (!integrands) continue;
         memset(c->nu, 0, m->size*sizeof(scalar));
         ordernm_add_source(c, ordernm_time_of_stage(m->t, h, i), h*A[STAGES - 1][i], integrands + i*ordernm_source_size(c), c->nu);

@@ -97,10 +97,10 @@ void ordernm_seeds(ordernm_motion *m, scalar t, const scalar *z, const group *g,
     scalar *S = (scalar *)z + g->at;
     c->dp = g->dp;
     if (g - m->groups == m->ngroups) {
-        ordernm_input_rates(m, t, m->input_rates);
+        ordernm_input_rates(m, t, 1, m->input_rates);
         c->dinputs = m->input_rates, c->dt = (scalar *)one;
     } else {
-        c->dinputs = ordernm_input_directions(m, t, g);
+        c->dinputs = ordernm_input_directions(m, t, g, 0);
     }
     if (m->identity) {
         c->dq = S;
@@ -316,7 +316,7 @@ int ordernm_along_time(ordernm_motion *m, scalar t, const scalar *z, const scala
     if (status) return status;
     for (int i = 0; i < s->nfree_q; ++i) m->dq[s->free_q[i]] = rate[i];
     for (int i = 0; i < s->nfree_u; ++i) m->du[s->free_u[i]] = rate[s->nfree_q + i];
-    ordernm_input_rates(m, t, m->input_rates);
+    ordernm_input_rates(m, t, 1, m->input_rates);
     c->dq = m->dq, c->du = m->du, c->dp = m->no_dp, c->dinputs = m->input_rates, c->dt = (scalar *)one;
     return 0;
 }

@@ -500,3 +500,13 @@ void ordernm_take_modes(ordernm_motion *m, const scalar *row)
     const int n = m->system->nswitches;
     for (int k = 0; k < n; ++k) m->modes[k] = row[k], m->crossed[k] = row[n + k];
 }
+
+/* Takes the modes before or after switch k of those crossed at the start of a step, which are passed in their order. `before` are the modes
+ * before all of them; the step's row contains those after them. */
+void ordernm_modes_beside(ordernm_motion *m, const scalar *row, const scalar *before, int k, int after)
+{
+    const int n = m->system->nswitches;
+    int last = 1;
+    for (int i = k + 1; i < n; ++i) last &= row[n + i] == 0.0;
+    for (int i = 0; i < n; ++i) m->modes[i] = (after && last) || (i < k + after && row[n + i] != 0.0) ? row[i] : before[i];
+}

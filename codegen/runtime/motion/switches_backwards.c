@@ -23,9 +23,9 @@ int ordernm_switches_transposed(ordernm_adjoint *a, scalar t, const scalar *z, c
     for (int k = last; k >= 0 && !status; --k) {
         if (crossed[k] == 0.0) continue;
         scalar *const after = m->next, *const before = m->trial, speed;
-        for (int i = 0; i < count; ++i) m->modes[i] = k == last || (i <= k && crossed[i] != 0.0) ? row[i] : first[i];
+        ordernm_modes_beside(m, row, first, k, 1);
         if ((status = ordernm_rates_of(m, t, z, after, 0, 0, RATES | INTEGRALS))) break;
-        for (int i = 0; i < count; ++i) m->modes[i] = i < k && crossed[i] != 0.0 ? row[i] : first[i];
+        ordernm_modes_beside(m, row, first, k, 0);
         if ((status = ordernm_rates_of(m, t, z, before, 0, 0, RATES | INTEGRALS))) break;
         const int timed = k == last && a->timed >= 0;
         if (!ordernm_rates_jump(m, before, after) && !timed) continue;

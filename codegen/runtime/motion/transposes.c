@@ -18,7 +18,7 @@ static void add(ordernm_adjoint *a, int n, const ordernm_call *c, scalar t, scal
     if (!s->ninputs) return;
     const ordernm_inputs *const in = &m->problem->inputs;
     scalar value[ORDERNM_ORDERS][ORDERNM_MOST_DEGREE + 1];
-    const long first = ordernm_input_weights(m, t, value);
+    const long first = ordernm_input_weights(m, t, 0, value);
     for (int i = 0; i < s->ninputs; ++i) {
         int order;
         const int signal = ordernm_signal_of(s, i, &order);

@@ -2342,8 +2342,8 @@ class Solver(Package):
         hessian : bool or array_like (r, k), optional
             Directions of Hessian products, as factors of the k variables of `wrt`; True for the whole Hessian. Products
             are exact for the steps taken; step sizes, dq0 and du0 count as constants. They need a package with
-            ``hessian_products`` (with quaternions also ``coordinate_rate_hessian_products``), and a motion in which no
-            force or output changes its branch. `method` is then the adjoint.
+            ``hessian_products``; with quaternions also ``coordinate_rate_hessian_products``, and for integrals of motions
+            in which a force or an output changes its branch also ``output_hessian_products``. `method` is then the adjoint.
 
         Returns
         -------

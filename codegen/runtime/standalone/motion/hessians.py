@@ -16,13 +16,28 @@ from .adjoint import made_again
 from .at_states import AtStates
 from .functionals import Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
+from .switches import switch_words, without_second_derivatives
 from .weights_along import Crossed, by_control_points, of_event, of_squares
 
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
 
-AT_ROOT = 5
-"""Entry of a step that is not zero if the step starts or ends at the zero of a root, where rates have no derivative."""
+HEAD, AT_ROOT = 6, 5
+"""Entry of a step at which the modes of switches begin; entry that is not zero if the step starts or ends at the zero of a
+root, where rates have no derivative."""
+
+SIGN, TURN = 0, 3
+"""Kinds of switches, as in ``motion.h``."""
+
+AT_THE_SAME_TIME = 1e-9
+"""Part of a motion's duration within which a switch and an output count as simultaneous, as in the integrator."""
+
+REFUSED = (
+    "another switch determines the time at which {} changes its branch",
+    "the motion passes where {} changes its branch at the same time as another switch",
+    "the motion begins where {} changes its branch, and second derivatives jump there",
+)
+"""Why second derivatives may not exist, in the order of ``motion.h``."""
 
 FUNCTIONS = "motion, hessian_products"
 """Functions that a package needs, as messages name them."""
@@ -124,7 +139,7 @@ class _Piece:
         The steps within the part.
     until : float
         Time at their end, s.
-    before : array (1 + (1 + r) free,)
+    before : array (2 + nswitches + (1 + r) free,)
         The state before them, see ``ordernm_hessians_keep``.
     kept : tuple of array, or None
         Steps, records and nodes, if memory allows.
@@ -161,7 +176,10 @@ class _Tangents:
         self.records = np.zeros((len(times), self.record))
         self.kept = [self._pointer(times), self._pointer(self.records)]
         g.ntimes, (g.times, g.states) = len(times), self.kept
-        self.plain, self.nswitches = plain, int(system.nswitches)
+        self.plain, self.kinds = (
+            plain,
+            self.ffi.unpack(system.switch_kind, system.nswitches) if system.nswitches else [],
+        )
         self.segment = segment
         self.part, self.steps = -1, np.zeros(0)  # the part whose steps are available
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
@@ -173,12 +191,10 @@ class _Tangents:
         given = zip(segment.steps, segment.heads, strict=True)
         heads = [rows[:, :head] if less is None else less for rows, less in given]
         steps = np.concatenate(heads)
-        # flags of the switches crossed at the start of a step; steps at the zero of a root
-        if steps[:, head - self.nswitches : head].any() or steps[:, AT_ROOT].any():
-            raise ValueError(
-                "hessian: a force or an output changes its branch during the motion (abs, min, a root, a comparison, ...), but "
-                "hessian needs a motion without such changes. Gradients are available without hessian"
-            )
+        self.modes = np.split(self._modes(steps), np.cumsum([len(rows) for rows in heads])[:-1])
+        passed = self._check_switches(steps, steps[:, head - len(self.kinds) : head])
+        self.passed = self._pointer(np.zeros((passed, self.record + len(self.kinds))))
+        self.g.passed = self.passed
         source = (1 + self.r) * (len(self.free) + self.functions.np + self.along.inputs.at(0.0).size)
         every = 8 * self.stages * (self.record + (source if self.along.integrals else 0))
         most = len(steps) if len(steps) * every <= memory else max(1, memory // (2 * every))
@@ -190,7 +206,7 @@ class _Tangents:
         starts = [heads[piece.part][piece.rows][0, 0] for piece in self.pieces]
         for piece, until in zip(self.pieces, [*starts[1:], math.inf], strict=True):
             piece.until = float(until)
-            piece.before = np.zeros(1 + (1 + self.r) * len(self.free))
+            piece.before = np.zeros(2 + len(self.kinds) + (1 + self.r) * len(self.free))
             self.library.ordernm_hessians_keep(self.curvature, self._pointer(piece.before))
             repeated = self._repeat(piece)
             piece.kept = repeated if most == len(steps) else None
@@ -203,12 +219,62 @@ class _Tangents:
         )
         self.end, self.middle = float(steps[-1, :2].sum()), float(_middles(steps[-1:])[0])
 
+    def _check_switches(self, steps: Array, crossed: Array) -> int:
+        """The number of steps that begin at switches.
+
+        Raises
+        ------
+        ValueError
+            Second derivatives may not exist.
+        PackageError
+            Second derivatives of integrals need a function that the package lacks.
+        """
+        kinds, of, manifest = np.array(self.kinds, int), self.segment, self.functions.functions.opened.manifest
+        ends = steps[:, AT_ROOT].astype(bool) | crossed[:, (kinds > SIGN) & (kinds < TURN)].any(axis=1)
+        passed = steps[crossed.any(axis=1), 0]
+        near = AT_THE_SAME_TIME * (of.problem.end - of.problem.start)
+        apart = np.abs(self.times[:, None] - passed).min(axis=1, initial=math.inf)
+        reason = without_second_derivatives(manifest, of)
+        if ends.any():
+            reason = (
+                f"at t = {steps[np.argmax(ends), 0]:.9g} s the base of a root or power, such as max(0, x)**1.5, is zero, where "
+                "second derivatives are not finite"
+            )
+        elif (apart <= near).any():
+            reason = (
+                f"at t = {self.times[np.argmin(apart)]:.9g} s, where an output is requested, a force or an output changes its "
+                "branch"
+            )
+        if reason:
+            raise ValueError(f"hessian: {reason}. Gradients are available without hessian")
+        if len(passed) and self.along.integrals and not self.functions.compiled:
+            raise PackageError(
+                "hessian: a force or an output changes its branch during the motion, and a functional is an integral; generate "
+                f"the package with --functions '{FUNCTIONS}, output_hessian_products'"
+            )
+        return len(passed)
+
+    def _modes(self, steps: Array) -> Array:
+        """Modes (n, nswitches) of the steps: a kink that rounding crosses repeatedly has no mode, and here its next one."""
+        n = len(self.kinds)
+        modes, crossed = steps[:, HEAD : HEAD + n].copy(), steps[:, HEAD + n : HEAD + 2 * n]
+        for row, k in reversed(np.argwhere((crossed != 0.0) & (modes == 0.0)).tolist()):
+            if self.kinds[k] == SIGN:
+                later = np.flatnonzero(modes[row:, k])
+                modes[row : row + later[0] if len(later) else None, k] = modes[row + later[0], k] if len(later) else 0.0
+        return modes
+
     def _rows(self, part: int) -> Array:
         """The steps of a part, computed again if only their heads were kept."""
         if part != self.part:
             of = self.segment
             rows, known, heads = of.steps[part], of.known[part], of.heads[part]
-            self.steps = rows if heads is None else made_again(self.library, self.ffi, self.plain, rows, known, heads)
+            rows = rows if heads is None else made_again(self.library, self.ffi, self.plain, rows, known, heads)
+            modes = self.modes[part]
+            if (rows[:, HEAD : HEAD + modes.shape[1]] != modes).any():
+                rows = rows.copy()
+                rows[:, HEAD : HEAD + modes.shape[1]] = modes
+            self.steps = rows
             self.part = part
         return self.steps
 
@@ -257,8 +323,8 @@ class _Tangents:
             np.zeros((rows, len(self.along.p))),
             np.zeros((rows, *self.along.inputs.values.shape)),
         ]
-        held = [self._pointer(x) for x in (sources, finish, *found)]
-        g.sources, g.finish, g.start, g.p, g.inputs = held
+        held = [self._pointer(x) for x in (sources, finish, weights, *found)]
+        g.sources, g.finish, g.weights, g.start, g.p, g.inputs = held
         self.library.ordernm_hessians_turn(self.curvature)
         for piece in reversed(self.pieces):
             if piece.kept is None:
@@ -270,11 +336,25 @@ class _Tangents:
             if status:
                 raise RuntimeError(f"Hessian products cannot use a state of the motion ({status})")
         self.library.ordernm_hessians_end(self.curvature)
+        if g.refused:
+            reason = REFUSED[g.refused - 1].format(
+                switch_words(self.functions.functions.opened.manifest, g.refused_switch)
+            )
+            raise ValueError(f"hessian: {reason}. Gradients are available without hessian")
         return found[0], found[1], found[2]
 
     def _integrands(self, steps: Array, tape: Array, nodes: Array, weights: Array) -> Array:
         """Gradients of weighted outputs at the stages of steps, and their changes: (count, stages, 1 + r, n)."""
         count, stages, record = tape.shape
+        if self.functions.compiled:
+            sources = np.zeros(
+                (count, stages, 1 + self.r, len(self.free) + self.functions.np + self.along.inputs.at(0.0).size)
+            )
+            given = [self._pointer(x) for x in (steps, tape, nodes, sources)]
+            status = self.library.ordernm_hessians_integrands(self.curvature, given[0], count, *given[1:])
+            if status:
+                raise RuntimeError(f"Hessian products cannot use a state of the motion ({status})")
+            return sources
         used = np.flatnonzero((nodes[:, :, 1] != 0.0).any(axis=0))
         t = nodes[:, used, 0]
         within = np.broadcast_to(_middles(steps)[:, None], t.shape).ravel()
