@@ -35,7 +35,7 @@ static size_t lay_out(ordernm_curvature *c, const ordernm_problem *problem, long
         c->jump = ordernm_numbers(&of, size);
         c->next_switch = ordernm_numbers(&of, 2*row + 2);
         c->one = ordernm_numbers(&of, s->nswitches);
-        c->of_switch = ordernm_numbers(&of, (ROWS_OF_A_SWITCH + LANES)*row + (1L + problem->ndirections)*(row + s->ninputs));
+        c->of_switch = ordernm_numbers(&of, ROWS_OF_A_SWITCH*row + LANES*row + (1L + problem->ndirections)*(row + s->ninputs));
     }
     c->rate_weights = ordernm_numbers(&of, s->nq);
     c->dqdot = ordernm_numbers(&of, s->nq*LANES);

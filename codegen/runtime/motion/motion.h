@@ -95,9 +95,9 @@ typedef struct {
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
         *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
         *switch_sensitivities_transposed[ORDERNM_WIDTHS];
-    ordernm_function *coordinate_rate_hessian_products[ORDERNM_WIDTHS]; /* only if rates of coordinates are not speeds */
-    ordernm_function *output_hessian_products[ORDERNM_WIDTHS], *switch_hessian_products[ORDERNM_WIDTHS]; /* if the package has them */
     ordernm_function *gradient_tangents[ORDERNM_WIDTHS]; /* tangents of the gradient of b.udot, with tangents of b; also the gradient */
+    ordernm_function *switch_hessian_products[ORDERNM_WIDTHS], *output_hessian_products[ORDERNM_WIDTHS]; /* if the package has them */
+    ordernm_function *coordinate_rate_hessian_products[ORDERNM_WIDTHS]; /* only if rates of coordinates are not speeds */
 } ordernm_system;
 
 /* ---- Input. ---- */
