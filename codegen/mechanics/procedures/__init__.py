@@ -17,7 +17,8 @@ from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of, switches
-from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, SWITCH_PRODUCTS, of_motions, second_order
+from .second_order import GRADIENT_TANGENTS, SECOND_ORDER, of_motions, second_order
+from .second_order_measures import SWITCH_PRODUCTS
 from .shared import Shared
 from .swept import check_names, checked_backwards, swept_backwards, swept_together
 from .transposed import backwards
