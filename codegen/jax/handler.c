@@ -10,7 +10,7 @@
 
 #include "xla/ffi/api/c_api.h"
 
-enum { MOST_PLANS = 4096, MOST_ARRAYS = 40, MOST_SLOTS = 48, MOST_PLACES = 16, CHUNKS = 4 /* per thread */, EVEN = 8, CHECKED = 1 };
+enum { MOST_PLANS = 4096, MOST_ARRAYS = 96, MOST_SLOTS = 48, MOST_PLACES = 16, CHUNKS = 4 /* per thread */, EVEN = 8, CHECKED = 1 };
 
 /* The struct NAME_states of a package; the workspace follows the last array. */
 typedef struct {
@@ -38,7 +38,7 @@ typedef struct {
     long item, operands, results, arrays, slots, workspace, lanes, workspace_of_states;
     long work_slot, lanes_slot, steps_slot, results_slot, checked, nan, quaternions;
     place operand[MOST_PLACES], result[MOST_PLACES];
-    char *blank[MOST_SLOTS]; /* the table of pointers before a call */
+    char *blank[MOST_SLOTS + MOST_ARRAYS]; /* the table of pointers before a call; then defaults of arrays */
     const long *quaternion;  /* first entries of quaternions in q */
     const char *const *names;
     const char *const *errors; /* messages by status */

@@ -31,7 +31,7 @@ typedef struct {
     long item, operands, results, arrays, slots, workspace, lanes, workspace_of_states;
     long work_slot, lanes_slot, steps_slot, results_slot, checked, nan, quaternions;
     place operand[16], result[16];
-    void *blank[48];
+    void *blank[144];
     const long *quaternion;
     const char *const *names;
     const char *const *errors;

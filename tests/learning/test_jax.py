@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from learned_solvers import EVERY, MEASURES, SECOND, Extra, example
+from learned_solvers import EVERY, EXAMPLES, MEASURES, SECOND, Extra, example
 
 import codegen
 import codegen.jax
@@ -177,6 +177,23 @@ def test_time_of_prescribed_motion(tmp_path: Path) -> None:
 
     checks.check_grads(later, (u[:3], t[:3]), order=1, eps=1e-5, **CLOSE)
     checks.check_grads(lambda x: later(u[:3], x), (0.4,), order=1, eps=1e-5, **CLOSE)
+
+
+def test_a_package_with_many_functions(tmp_path: Path) -> None:
+    """Functions for several states at once take one structure with the arguments and results of all functions."""
+    rates = ["coordinate_rates", "coordinate_rate_sensitivities", "coordinate_rate_gradients"]
+    model = (EXAMPLES / "shaken_pendulum.yaml").read_text()
+    model = model.replace("bodies:", "inputs: [torque]\nbodies:").replace("-damping*u.rod", "torque - damping*u.rod")
+    (tmp_path / "driven.yaml").write_text(model)
+    functions = [*SECOND, *(n for n in MEASURES if "inverse" not in n), *rates]
+    codegen.generate(tmp_path / "driven.yaml", tmp_path / "many", functions=functions, compile="all")
+    solver = codegen.load(tmp_path / "many")
+    x = states(solver, 16)
+    f = codegen.jax.function(solver, "accelerations")
+    found = jax.grad(lambda *x: f(*x).sum(), argnums=(0, 1, 2))(*map(jnp.asarray, x))
+    wanted = solver.gradients(*x, weights=np.ones((1, 16, solver.nu)))
+    for a, b in zip(found, wanted, strict=False):
+        np.testing.assert_allclose(a, b[0], rtol=1e-10, atol=1e-10)
 
 
 def test_a_loop_has_the_gradients_of_the_solver(four_bar: codegen.Solver) -> None:
