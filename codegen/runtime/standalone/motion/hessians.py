@@ -16,28 +16,12 @@ from .adjoint import made_again
 from .at_states import AtStates
 from .functionals import Functional, LeastSquares, WeightedResults
 from .problem import Problem, Segment
-from .switches import switch_words, without_second_derivatives
+from .switches import switch_words
+from .switches_along import HEAD, REFUSED, check_switches, lasting_modes
 from .weights_along import Crossed, by_control_points, of_event, of_squares
 
 TOGETHER = 8
 """Number of directions that are computed together; further ones repeat the motion's steps."""
-
-HEAD, AT_ROOT = 6, 5
-"""Entry of a step at which the modes of switches begin; entry that is not zero if the step starts or ends at the zero of a
-root, where rates have no derivative."""
-
-SIGN, TURN = 0, 3
-"""Kinds of switches, as in ``motion.h``."""
-
-AT_THE_SAME_TIME = 1e-9
-"""Part of a motion's duration within which a switch and an output count as simultaneous, as in the integrator."""
-
-REFUSED = (
-    "another switch determines the time at which {} changes its branch",
-    "the motion passes where {} changes its branch at the same time as another switch",
-    "the motion begins where {} changes its branch, and second derivatives jump there",
-)
-"""Why second derivatives may not exist, in the order of ``motion.h``."""
 
 FUNCTIONS = "motion, hessian_products"
 """Functions that a package needs, as messages name them."""
@@ -191,8 +175,9 @@ class _Tangents:
         given = zip(segment.steps, segment.heads, strict=True)
         heads = [rows[:, :head] if less is None else less for rows, less in given]
         steps = np.concatenate(heads)
-        self.modes = np.split(self._modes(steps), np.cumsum([len(rows) for rows in heads])[:-1])
-        passed = self._check_switches(steps, steps[:, head - len(self.kinds) : head])
+        self.modes = np.split(lasting_modes(steps, self.kinds), np.cumsum([len(rows) for rows in heads])[:-1])
+        needs = len(self.along.integrals) > 0 and not self.functions.compiled
+        passed = check_switches(segment, self.functions.functions.opened.manifest, steps, self.kinds, times, needs)
         self.passed = self._pointer(np.zeros((passed, self.record + len(self.kinds))))
         self.g.passed = self.passed
         source = (1 + self.r) * (len(self.free) + self.functions.np + self.along.inputs.at(0.0).size)
@@ -218,51 +203,6 @@ class _Tangents:
             else np.zeros(0)
         )
         self.end, self.middle = float(steps[-1, :2].sum()), float(_middles(steps[-1:])[0])
-
-    def _check_switches(self, steps: Array, crossed: Array) -> int:
-        """The number of steps that begin at switches.
-
-        Raises
-        ------
-        ValueError
-            Second derivatives may not exist.
-        PackageError
-            Second derivatives of integrals need a function that the package lacks.
-        """
-        kinds, of, manifest = np.array(self.kinds, int), self.segment, self.functions.functions.opened.manifest
-        ends = steps[:, AT_ROOT].astype(bool) | crossed[:, (kinds > SIGN) & (kinds < TURN)].any(axis=1)
-        passed = steps[crossed.any(axis=1), 0]
-        near = AT_THE_SAME_TIME * (of.problem.end - of.problem.start)
-        apart = np.abs(self.times[:, None] - passed).min(axis=1, initial=math.inf)
-        reason = without_second_derivatives(manifest, of)
-        if ends.any():
-            reason = (
-                f"at t = {steps[np.argmax(ends), 0]:.9g} s the base of a root or power, such as max(0, x)**1.5, is zero, where "
-                "second derivatives are not finite"
-            )
-        elif (apart <= near).any():
-            reason = (
-                f"at t = {self.times[np.argmin(apart)]:.9g} s, where an output is requested, a force or an output changes its "
-                "branch"
-            )
-        if reason:
-            raise ValueError(f"hessian: {reason}. Gradients are available without hessian")
-        if len(passed) and self.along.integrals and not self.functions.compiled:
-            raise PackageError(
-                "hessian: a force or an output changes its branch during the motion, and a functional is an integral; generate "
-                f"the package with --functions '{FUNCTIONS}, output_hessian_products'"
-            )
-        return len(passed)
-
-    def _modes(self, steps: Array) -> Array:
-        """Modes (n, nswitches) of the steps: a kink that rounding crosses repeatedly has no mode, and here its next one."""
-        n = len(self.kinds)
-        modes, crossed = steps[:, HEAD : HEAD + n].copy(), steps[:, HEAD + n : HEAD + 2 * n]
-        for row, k in reversed(np.argwhere((crossed != 0.0) & (modes == 0.0)).tolist()):
-            if self.kinds[k] == SIGN:
-                later = np.flatnonzero(modes[row:, k])
-                modes[row : row + later[0] if len(later) else None, k] = modes[row + later[0], k] if len(later) else 0.0
-        return modes
 
     def _rows(self, part: int) -> Array:
         """The steps of a part, computed again if only their heads were kept."""

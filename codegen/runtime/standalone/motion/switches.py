@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from .problem import Segment
+from typing import Any
 
 
 def switch_words(manifest: Mapping[str, Any], number: int) -> str:
@@ -56,17 +53,3 @@ def passed_late(manifest: Mapping[str, Any], t: float, switch: int) -> str:
         f"so no step can end there: its old branch is used for up to a tenth of a step longer, and later results and derivatives "
         f"have this error; move the switch off this pose, or take smaller steps (largest_step)"
     )
-
-
-def without_second_derivatives(manifest: Mapping[str, Any], segment: Segment) -> str:
-    """The reason why second derivatives may not exist after the switches of a motion; "" if there is none."""
-    names = [switch_words(manifest, n) for n in range(len(manifest.get("switches", ())))]
-    if segment.grazed:
-        return f"the motion only touches where {names[segment.grazed - 1]} changes its branch"
-    if segment.not_held:
-        return f"where {names[segment.not_held - 1]} changes its branch, one branch has no value on the other side"
-    if segment.late:
-        return f"at t = {segment.late[0]:.9g} s, {names[segment.late[1]]} changes its branch where a loop loses rank"
-    if segment.lost:
-        return "the motion has no first derivatives along some directions"
-    return ""
