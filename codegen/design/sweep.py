@@ -238,7 +238,8 @@ class _Crew:
         return died
 
     def _take(self, came: Mapping[str, tuple[Row, bool]]) -> None:
-        """Keep the rows of a task, but keep errors in the measure only if some case ends without an error."""
+        """Keep the rows of a task. As long as the measure has failed in every case, rows are collected in `wrong` instead;
+        after `SAME_ERROR` of them, an error is raised."""
         rows = {k: row for k, (row, _) in came.items()}
         if self.wrong is not None:
             self.wrong |= rows

@@ -58,7 +58,7 @@ class SweepWriter(Language):
         return block.title, loads, tuple(block.statements), stores
 
     def instances(self, kinds: Sequence[Kind], sweep: str) -> list[int]:
-        """The values of i for which a shared function is called."""
+        """The values of the argument i with which the generated code calls a shared function."""
         return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
 
     def link_function(self, sweep: str, kinds: tuple[Kind, ...]) -> Function:

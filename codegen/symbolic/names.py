@@ -23,10 +23,9 @@ ARGUMENTS = {"q": "q", "u": "u", "lambda": "lambda", "tau": "tau", "b": "b", "p"
 
 
 def parts_of(name: str) -> tuple[str, str, bool, bool]:
-    """The base and the subscript of a name, and whether it is a time derivative, or (first) a derivative along a
-    direction.
+    """The base and the subscript of a name; whether it is a time derivative; whether it is a derivative along a direction.
 
-    ``q.crank`` is q with crank, ``length_1`` is length with 1, ``dudot.crank`` is a derivative of the time derivative of u.
+    ``q.crank`` is q with crank, ``length_1`` is length with 1, ``dudot.crank`` is u with crank, and both are true.
     """
     first, dot, rest = name.partition(".")
     is_seed = bool(dot) and first.startswith("d") and first[1:].removesuffix("dot") in ARGUMENTS

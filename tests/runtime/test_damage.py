@@ -344,7 +344,7 @@ def test_more_batch_axes_than_numpy_can_take_are_told(solver, axes):
         lambda: solver.accelerations(q, u), lambda: solver.sensitivities(u, u, dq=q), lambda: solver.assemble(q, u),
         lambda: solver.accelerations(u, u, t=q[..., 0]),
     ):  # fmt: skip
-        with pytest.raises(ValueError, match=r"has \d\d axes, expected at most 29 of a batch; reshape"):
+        with pytest.raises(ValueError, match=r"has \d\d axes, expected at most 29 for the states of a batch; reshape"):
             call()
 
 

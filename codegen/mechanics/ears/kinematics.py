@@ -44,7 +44,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
         across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
         for i, row in enumerate(W):
             if (j := _kept_axis(row)) is not None:
-                across[i] = J[j][j]  # equals the sum above; zero patterns need one number here
+                across[i] = J[j][j]  # equals the sum above; where patterns have a constant, the statement must have it
         more = x.let("ca", c - a, tag)
         mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
         return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])

@@ -122,8 +122,8 @@ def newton_euler_inward(x: Scope, kind: LinkKind, known: Sequence[Value] = ()) -
 def transfer(
     x: Scope, kind: LinkKind, joint: LinkJoint, phi: Vector, d_phi: Vector, beside: Vector | None = None
 ) -> None:
-    """Propagate the transmitted force and its tangent to the parent; `beside` is the tangent of the force on the
-    parent as a partner of the link."""
+    """Propagate the transmitted force and its tangent to the parent. If the parent is also a partner of the link, `beside`
+    is the link's contribution to the tangent of the force on this partner."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
     force = force_to_parent(x, joint, named, "Eq. 45", r)

@@ -12,7 +12,7 @@ struct ordernm_adjoint {
     int width, index, ngroups;        /* functionals per group, and number of groups */
     int n;                            /* number of integrated entries with derivatives */
     long *sampled, behind;            /* numbers of times still to process: output times by group, times after jumps */
-    long timed;                       /* index of the time after a jump that the next switch determines; -1 for none */
+    long timed;                       /* index, among times after jumps, of the one that the switch processed next determines; -1: none */
     scalar *lambda;                   /* [ngroups][n][width] */
     scalar *kappa[MOST_STAGES], *nu;  /* [n][width] */
     scalar *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with closed loops */

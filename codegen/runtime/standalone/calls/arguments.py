@@ -109,8 +109,8 @@ class Arguments:
             value = value.copy()
         if value.ndim > MOST_AXES + (1 if name == of else 2):
             raise ValueError(
-                f"{name} has {value.ndim} axes, expected at most {MOST_AXES} of a batch; reshape it into fewer, such as by "
-                f"reshape(-1, n)"
+                f"{name} has {value.ndim} axes, expected at most {MOST_AXES} for the states of a batch; reshape these "
+                f"into fewer, such as by reshape(-1, n)"
             )
         if n:
             if value.ndim == 0 or value.shape[-1] != n[0]:

@@ -78,7 +78,7 @@ class LoopForces(Room):
     def inverse_dynamics_sensitivities(
         self, given: tuple[Any, ...], along: tuple[Any, ...], out: Any
     ) -> tuple[Array, ...]:
-        """The forces of `inverse_dynamics` and their total derivative (k, ..., n); ``dudot (k, ..., nu)``."""
+        """The forces of `inverse_dynamics` and their total derivative (k, ..., n). The last seed is ``dudot (k, ..., nu)``."""
         seeds, dudot = along[:5], along[5]
         if all(x is None for x in seeds):
             if dudot is None:
