@@ -186,3 +186,42 @@ def test_an_element_that_only_damps_has_no_energy(tmp_path: Path) -> None:
     state = random_state(np.random.default_rng(1), model)
     plain = with_elements(TREE, "none: {type: force, on: tip, value: [1, 0, 0]}")
     assert worst([solver.energies(*state[:3])], [DenseEngine(plain).energies(*state)]) < 1e-12
+
+
+LOADED = """
+model: loaded
+gravity: [0, 0, -9.81]
+parameters: {k: 3, pull: 0.7, l: 0.4, m: 1.3}
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: m, com: [l, 0, 0.1], inertia: {xx: 1, yy: 1.2, zz: 1.1}}
+  b:
+    parent: a
+    joint: {type: universal, at: [l, 0, 0], axes: [x, z]}
+    mass: 0.8
+    com: [0.1, 0, l]
+    inertia: {xx: 0.3, yy: 0.2, zz: 0.2}
+forces:
+  mount: {type: bushing, from: {body: a, at: [l, 0.1, 0]}, to: {body: b, at: [0, 0.1, 0.2]}, stiffness: [4, 5, k],
+    rotational_stiffness: [k, 2, 1], rotational_preload: [pull, 0.3, -0.5]}
+"""
+
+
+def test_second_derivatives_near_the_pose_of_rest(tmp_path: Path) -> None:
+    """The faces coincide, also up to rounding, nearly coincide, or have the angle at which formulas change."""
+    codegen.generate(parse_model(LOADED), tmp_path / "m", functions="hessian_products,gradients", check=False)
+    solver = codegen.load(tmp_path / "m")
+    u, w, p = [0.3, -0.2, 0.5], [0.7, -0.4, 1.1], solver.parameters
+
+    def gradient(x: np.ndarray) -> np.ndarray:
+        g = solver.gradients(x[:3], x[3:6], x[6:], weights=w)
+        return np.concatenate([np.ravel(g.q), np.ravel(g.u), np.ravel(g.p)])
+
+    for angle in (0.0, 1e-17, 1e-12, 1e-7, 1e-4, 0.0632, 0.0633, 0.3):
+        q = [0.4, angle, 0.6 * angle]
+        hessian = solver.hessians(q, u, weights=w, wrt="q, u, p")
+        x, size = np.concatenate([q, u, p]), np.abs(hessian).max()
+        assert np.abs(hessian - hessian.T).max() < 1e-13 * size, angle
+        for i, row in enumerate(hessian):
+            ends = [gradient(x + n * 1e-3 * np.eye(len(x))[i]) for n in (1, -1, 2, -2, 3, -3)]
+            differences = (45 * (ends[0] - ends[1]) - 9 * (ends[2] - ends[3]) + ends[4] - ends[5]) / 60e-3
+            assert np.abs(row - differences).max() < 1e-10 * size, (angle, i)

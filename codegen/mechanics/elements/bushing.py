@@ -7,23 +7,30 @@ derivative of this energy with respect to rotations of the end is
 
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 
-Where the faces coincide, f and h are 0/0, but h is multiplied by a = 0, and f = 1. `SMALLEST` in s keeps the quotients
-finite. Each division by s enlarges the rounding errors of the quotients and of their derivatives; a factor a, of size
-s, reduces them again.
+Where the faces nearly coincide, these quotients and their derivatives would lose their digits. There, both follow from a
+smooth function of y = (1 - c)/2 = s^2/(2 (1 + c)):
+
+    f = (1 - y P)/(1 - y),    h = P/(4 (1 - y)),    P = (1 - (1 - y) f)/y = 1/3 + 2/15 y + 8/105 y^2 + ...
+
+Each coefficient of this series is (2 k + 2)/(2 k + 5) times the one before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import mpmath
+
+from ...program.algebra import Number
+from ...program.digits import are_long
 from ...program.limits import limits
 from ...program.scalar import Value, Vector
 from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from .element import Element, Law, Wrench
 
-SMALLEST = 1e-60
-"""Number added to the square of a sine before a division: far below rounding, but large enough that no quotient
-overflows."""
+NEAR, TERMS = 1e-3, 8
+"""Largest y for which the series is used, and its number of terms in double precision. The other branch is then evaluated
+at another angle, where it is finite."""
 NEARLY_HALF = 1e-12
 """Smallest 1 + cos(angle) that determines the axis; the angle is then 1.4e-6 rad from half a turn."""
 
@@ -102,10 +109,9 @@ class BushingLaw(Law):
         moving = [not is_zero(v) for v in c]
         found: Vector | None = None
         if not all(map(is_zero, (*k, *f))):
-            a, cosine, square, ratio = self._turn(e)
+            a, ratio, h = self._turn(e)
             m = e.vector("m", [k[i] * ratio * a[i] - f[i] for i in range(3)])
             half = e.x.half
-            h = e.let("h", (1 - half * ratio * (1 + cosine)) / square)
             once = e.vector("cross", cross(a, m))
             twice = cross(a, once)
             found = e.vector("back", [-m[i] - half * ratio * once[i] - h * twice[i] for i in range(3)])
@@ -117,22 +123,44 @@ class BushingLaw(Law):
         return found
 
     def _turn_of_energy(self, e: Element, used: Sequence[bool]) -> Vector:
-        a, _, _, ratio = self._turn(e)
+        a, ratio, _ = self._turn(e)
         return [e.let("turn", ratio * a[i]) if used[i] else 0 for i in range(3)]
 
     @staticmethod
-    def _turn(e: Element) -> tuple[Vector, Value, Value, Value]:
-        """The sine times the axis, the cosine, the squared sine, and angle/sine of the rotation from start to end."""
+    def _turn(e: Element) -> tuple[Vector, Value, Value]:
+        """The sine times the axis of the rotation from start to end, f = angle/sine, and h."""
         start, end = e.ends
         half = e.x.half
         C = [e.vector("C", row) for row in matmul(transpose(start.axes), end.axes)]
         a = e.vector("sine", [half * (C[(i + 2) % 3][(i + 1) % 3] - C[(i + 1) % 3][(i + 2) % 3]) for i in range(3)])
         cosine = e.let("cosine", half * (C[0][0] + C[1][1] + C[2][2] - 1))
         e.require(1 + cosine - e.x.number(limits().rounding(NEARLY_HALF)))
-        square = e.let("square", dot(a, a) + e.x.number(limits().tiny(SMALLEST, 2)))
-        length = e.let("length", e.x.sqrt(square))
-        angle = e.let("angle", e.x.call("atan2", length, cosine))
-        return a, cosine, square, e.let("ratio", angle / length)
+        far = e.let("far", e.x.call("at_least", e.x.number(1 - 2 * NEAR), cosine))
+        square = e.let("square", dot(a, a))
+        apart = e.let("apart", e.x.call("choice", far, square, e.x.number(4 * NEAR)))
+        length = e.let("length", e.x.sqrt(apart))
+        closed = e.let("closed", e.x.call("atan2", length, cosine) / length)
+        rest = e.let("rest", half * (1 + cosine))
+        quarter = half * half
+        y = e.let("y", quarter * square / rest)
+        P = e.let("P", _series(e, y))
+        ratio = e.let("ratio", e.x.call("choice", far, closed, e.let("near", (1 - y * P) / rest)))
+        of_far, of_near = e.let("h_far", (1 - closed * rest) / apart), e.let("h_near", quarter * P / rest)
+        return a, ratio, e.let("h", e.x.call("choice", far, of_far, of_near))
+
+
+def _series(e: Element, y: Value) -> Value:
+    """P for small y."""
+    long = are_long()
+    coefficient: float = mpmath.mpf(1) / 3 if long else 1 / 3
+    coefficients = []
+    for k in range(mpmath.mp.dps // 3 + 3 if long else TERMS):
+        coefficients.append(coefficient)
+        coefficient = coefficient * (2 * k + 2) / (2 * k + 5)
+    found = e.x.number(Number(coefficients[-1]))
+    for c in reversed(coefficients[:-1]):
+        found = e.x.number(Number(c)) + y * found
+    return found
 
 
 def _along(e: Element, name: str, v: Vector, used: Sequence[bool]) -> Vector:
