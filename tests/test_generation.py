@@ -151,7 +151,10 @@ OF_LOOPS = {
     "assembly/open_states",
     "assembly/starting",
 }
-LATE = {"trajectory/files", "trajectory/html", "trajectory/plot", "trajectory/table", "files/whole_file"}
+LATE = {
+    "trajectory/files", "trajectory/html", "trajectory/plot", "trajectory/table", "files/whole_file", "calls/formulas",
+    "state/negative_masses",
+}  # fmt: skip
 """Imported by functions that use them."""
 OPTIONAL = OF_LOOPS | {"state/reactions", "assembly/redundancy"}
 

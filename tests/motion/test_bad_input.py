@@ -94,7 +94,7 @@ def test_arguments(four_bar: Any, arguments: dict[str, Any], message: str) -> No
     ("arguments", "message"),
     [
         ({"functionals": []}, r"no functional is given"),
-        ({"functionals": "swing"}, r"'s' is not a functional"),
+        ({"functionals": "swing"}, r"'swing' is not a functional"),
         ({"functionals": 3.0}, r"3.0 is not a functional; allowed are Final, At"),
         ({"functionals": ANOTHER_FINAL}, r"this Final belongs to another version of ordernm .* generate the package again"),
         ({"functionals": [Final("swing"), ANOTHER_FINAL]}, r"this Final belongs to another version of ordernm"),
