@@ -51,7 +51,7 @@ def meeting(a, b, ra, rb, side):
     return a + along * ex + side * np.sqrt(ra * ra - along * along) * np.array([-ex[1], ex[0]])
 
 
-def crank_driven_by_its_piston(folder, functions):
+def crank_driven_by_its_piston(folder, functions, pressure="(q.piston - 0.5)"):
     """A solver with two partitions. The crank has a dead point at 0.15 s: from there on, it is independent.
 
     Near the dead point, rounding errors are multiplied by the condition number of the loop, about 30, and its square.
@@ -59,7 +59,7 @@ def crank_driven_by_its_piston(folder, functions):
     text = (EXAMPLES / "slider_crank.yaml").read_text()
     for old, new in {
         "independent: [wheel]": "independent: [piston]", "u: {wheel: 20.0}": "u: {piston: -2.0}",
-        "max(q.piston - 0.5, 0)": "(q.piston - 0.5)",
+        "max(q.piston - 0.5, 0)": pressure,
     }.items():  # fmt: skip
         text = text.replace(old, new)
     (folder / "crank.yaml").write_text(text)

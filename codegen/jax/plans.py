@@ -45,6 +45,9 @@ extern void ordernm_jax_call(void *);
 
 TIME, NOT_READ = -1, -2
 
+MOST_ARRAYS = 96
+"""Largest number of arrays of a package, as in ``handler.c``."""
+
 LEAST = 8
 """Smallest batch that is computed several states at once, as in ``handler.c``."""
 
@@ -140,6 +143,11 @@ def _made(operator: Operator, name: str, operands: tuple[tuple[str, bool], ...],
     for i, (r, shape, derived) in enumerate(zip(f.results, f.shapes, f.derived, strict=True)):
         size, place = int(np.prod(shape)), arrays.index(r) if r in arrays else -1
         plan.result[i] = (0, size, place, derived, returned.index(r) if r in returned else -1)
+    if len(arrays) > MOST_ARRAYS:
+        raise RuntimeError(
+            f"{operator.name} of {operator.solver.name}: JAX cannot call a package whose functions have more than {MOST_ARRAYS} "
+            f"arrays together, and this one has {len(arrays)}; generate it with fewer functions"
+        )
     plan.operands, plan.results, plan.arrays = len(operands), len(f.results), len(arrays)
     plan.workspace, plan.lanes = target.workspace, f.per_direction * max(f.widths, default=0)
     plan.workspace_of_states = over["workspace"] if in_lanes else 0

@@ -13,6 +13,7 @@ from motion.models import driven
 from motion.test_random_switches import END, MOST, drawn
 from motion.test_second_derivatives import same_as_differences
 from motion.test_switches import JUMPS, METHODS, NAMES
+from motions import crank_driven_by_its_piston
 
 import codegen
 from codegen.runtime import At, AtEvent, Event, Final, Integral, LeastSquares, PackageError, SimulationError
@@ -142,6 +143,26 @@ def test_a_body_with_a_quaternion(tmp_path: Path) -> None:
     same_as_differences(judge, x, np.array([1.0, 1e-3, 5e-5, 1e-3, 1e-3, 3e-3]), 1e-7, 1e-11)
 
 
+def test_loops_whose_independents_change(tmp_path: Path) -> None:
+    """The pressure on a piston has a kink and jumps, before and after the dead point of the crank."""
+    solver = crank_driven_by_its_piston(tmp_path, FUNCTIONS, "(max(q.piston - 0.5, 0) + 0.1*if(q.piston > 0.45, 1, 0))")
+    wanted = [Final("stroke"), At("speed", 0.11), Integral("kinetic"), At("stroke", 0.333)]
+    wrt = ("crank_length", "rod_length", "offset", "q0.piston", "u0.piston", "inputs.load")
+    q0, u0 = solver.initial_state()
+    place = solver.coordinate_names.index("piston")
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        p, q, u = dict(zip(wrt[:3], x[:3], strict=True)), q0.copy(), u0.copy()
+        q[place], u[place] = x[3:5]
+        q, u = solver.assemble(q, u, p)
+        found = solver.judge(0.4, wanted, q, u, p, [x[5]], wrt=wrt, rtol=1e-12, atol=1e-12, **more)
+        assert found.counts["partitions_changed"] == 1
+        return found
+
+    x = np.array([*solver.parameters[:3], q0[place], u0[place], 20.0])
+    same_as_differences(judge, x, 2e-4 * np.maximum(np.abs(x), 0.1), 1e-6, 1e-9)
+
+
 def test_an_event_after_a_switch(jumping: codegen.Solver) -> None:
     e = Event("band", 0.1)
     _, x0, s, *_ = x = sympy.symbols(NAMES)
@@ -197,6 +218,12 @@ def test_integrals_need_products_of_outputs(tmp_path: Path) -> None:
     with pytest.raises(PackageError, match=r"generate the package with --functions '.*output_hessian_products'"):
         solver.judge(0.6, Integral("z"), wrt="a", hessian=True)
     assert np.isfinite(solver.judge(0.6, Final("z"), wrt="a", hessian=True).hessian_products).all()
+
+
+REASONS = (
+    "hessian: ", "the motion ends at t = ", "a switch comes or goes in between", "after 3000 steps", "is not finite"
+)  # fmt: skip
+"""Why a drawn motion has nothing to compare; messages of refusals and of motions that end."""
 
 
 def compare(seed: int, folder: Path) -> str:
@@ -259,5 +286,4 @@ def test_random_switches(tmp_path: Path, seed: int) -> None:
 @pytest.mark.parametrize("seed", range(2000, 2100))
 def test_campaign_of_switches(tmp_path: Path, seed: int) -> None:
     reason = compare(seed, tmp_path)
-    if reason:
-        pytest.skip(reason)
+    assert not reason or any(words in reason for words in REASONS), reason

@@ -106,8 +106,8 @@ def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]
     names = {p.name for p in found}
     if {HESSIAN_PRODUCTS, "state_rates"} <= names:
         stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
-        further = [switch_products(w)] if w.system.model.switches.have_modes else []
-        found = with_arrays((*found, *(p for p in further if p)), stored, {*SECOND_ORDER, SWITCH_PRODUCTS})
+        found += (switch_products(w),) if w.system.model.switches.have_modes else ()
+        found = with_arrays(found, stored, {*SECOND_ORDER, SWITCH_PRODUCTS})
         found = (*found, hessian_products(w, True))
     if OUTPUT_PRODUCTS in names and driving_entries(w):  # sweeps store these adjoints in all functions
         found = with_arrays(

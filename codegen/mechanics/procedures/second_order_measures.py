@@ -59,14 +59,10 @@ def assembly_products(w: Shared) -> Procedure:
     return made.procedure(ASSEMBLY_PRODUCTS, w.of("q", "u", *w.p), weights, begin)
 
 
-def switch_products(w: Shared) -> Procedure | None:
-    """The Hessian of a weighted sum of switching functions times directions, for motions; None if a function reads
-    accelerations or forces."""
+def switch_products(w: Shared) -> Procedure:
+    """The Hessian of a weighted sum of switching functions times directions, for motions."""
     bar, weights = w.one("switches").called("switches_bar"), w.one("switch_weights")
-    quantities = switch_quantities(w)
-    if any(q.dynamics for q in quantities):
-        return None
-    made = Measures(w, "switch", quantities, (SWITCHES,))
+    made = Measures(w, "switch", switch_quantities(w), (SWITCHES,))
     begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
     return replace(made.procedure(SWITCH_PRODUCTS, w.of(*w.state), (weights,), begin, [bar]), internal=True)
 

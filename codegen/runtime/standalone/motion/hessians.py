@@ -160,11 +160,8 @@ class _Tangents:
         self.records = np.zeros((len(times), self.record))
         self.kept = [self._pointer(times), self._pointer(self.records)]
         g.ntimes, (g.times, g.states) = len(times), self.kept
-        self.plain, self.kinds = (
-            plain,
-            self.ffi.unpack(system.switch_kind, system.nswitches) if system.nswitches else [],
-        )
-        self.segment = segment
+        self.kinds = self.ffi.unpack(system.switch_kind, system.nswitches) if system.nswitches else []
+        self.plain, self.segment = plain, segment
         self.part, self.steps = -1, np.zeros(0)  # the part whose steps are available
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
 
