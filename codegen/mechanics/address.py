@@ -64,10 +64,11 @@ from .structure.shared_constants import SharedConstants
 from .sweeps import SWEEP
 
 _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
-"""Column-name prefixes of the index tables, by the owner of the accessed memory."""
+"""Prefixes of column names in the index tables, by the owner of the accessed memory."""
 
 _PARAMETERS = {s.name: "gp" for s in (GP, CE_GP, CL_GP)} | {s.name: "dgp" for s in (DGP, CE_DGP, CL_DGP)}
-"""The arrays of gradients by parameters, and of their tangents, by store; other stores use the tangents of the parameters."""
+"""For stores of gradients with respect to parameters, or of the tangents of these gradients: the array in generated code.
+All other stores per parameter access the array ``dp``."""
 
 
 class SystemAddresses(Addresses):
@@ -78,8 +79,8 @@ class SystemAddresses(Addresses):
     program : Program
     layout : SystemLayout
     numbered : bool
-        Values of a row are placed by number, and values that only neighbours need share memory. Otherwise they are
-        placed by name, each in the row of its own link.
+        If true, components have numbered places in a row, and links share the memory of components that only
+        neighbours need. Otherwise components have names, and every link has memory for all of its components.
     """
 
     def __init__(self, program: Program, layout: SystemLayout, numbered: bool):
@@ -152,7 +153,7 @@ class SystemAddresses(Addresses):
         return found
 
     def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> Row:
-        """The row of the accessed memory in its array."""
+        """For each instance of a kind, the row of the accessed memory in its array."""
         regions = self.system.regions
         if store.memory is EAR_RECORD:
             return Row("EAR", tuple(regions.order[i].number for i in kind.units))
@@ -209,8 +210,8 @@ class SystemAddresses(Addresses):
 
     @cached_property
     def _begin_of(self) -> dict[tuple[Memory, bool], tuple[str, list[int] | None]]:
-        """For a sort of arguments and results: the name of a table column, and the first entry of each link or, with
-        the key True, of each loop."""
+        """By type of memory, and whether loops own it: the name of a table column, and for each link (or loop) the
+        index of its first entry in the array. None stands for the link's or loop's own number."""
         links, loops = self.system.links, range(len(self.system.model.loops))
         return {
             (memory, of_loops): (column, of)
@@ -277,7 +278,7 @@ class SystemAddresses(Addresses):
         return dict(zip((LINK, LOOP, ELEMENT), numbers, strict=True))
 
     def _shared(self, kind: UnitKind, store: Store) -> SharedConstants:
-        """The owner of the constants that a store accesses."""
+        """The constants that a store accesses, as links, loops or force elements share them."""
         if isinstance(kind, EarKind):
             assert store.place is not None
             return kind.links[store.place] if store.owner is LINK else kind.closures[store.place]
@@ -288,7 +289,8 @@ class SystemAddresses(Addresses):
         return self.layout.constant_offsets[index] if self.numbered else index
 
     def stopped_at(self, kind: Kind, sweep: str, name: str) -> Row:
-        """The number that is reported if the j-th pivot is zero; links come first, then loops, then force elements."""
+        """For each instance, the number that a function reports if the named pivot is zero. Links are numbered first,
+        then loops, then force elements."""
         assert isinstance(kind, UnitKind)
         regions, links = self.system.regions, len(self.system.links)
         if isinstance(kind, RegionKind):

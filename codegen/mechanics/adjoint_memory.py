@@ -20,11 +20,11 @@ Run = tuple[Block, Callable[[Store, str], Set[Place]]]
 
 SUMMED = (fields.total_needed, fields.closing_force, fields.transmitted, fields.tree_transmitted)
 TERMS = tuple(zip(*(of.components for of in SUMMED), strict=True))
-"""For each component, its names in the forces that are summed."""
+"""For each of the six components, its names in the forces of `SUMMED`."""
 
 
 def merge_equal(memory: Memory, runs: Sequence[Run]) -> None:
-    """Replace components of adjoints by others that are equal, in all blocks.
+    """If two components of adjoints are equal in every block, replace one by the other everywhere.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def _stores(block: Block, memory: Memory, name: str) -> dict[Store, Expr]:
 def _is_equal(
     block: Block, places: Callable[[Store, str], Set[Place]], memory: Memory, name: str, kept: str, read: Set[Place]
 ) -> bool:
-    """Whether two components may share a place: a block stores the same value for both, or one of them where nothing
-    reads the other."""
+    """Whether two components, `name` and `kept`, may share memory as far as this block is concerned: the block stores
+    the same value for both, or it stores only one, at a place where no block reads the other."""
     first, second = _stores(block, memory, name), _stores(block, memory, kept)
     for a in first.keys() | second.keys():
         if a in first and a in second:
@@ -65,7 +65,7 @@ def _is_equal(
 
 
 def _rename(block: Block, memory: Memory, name: str, kept: str) -> None:
-    """Let a block access one component in place of another."""
+    """Let a block access the component `kept` wherever it accesses `name`."""
     block.loads = {s: (a, kept if a.memory is memory and n == name else n) for s, (a, n) in block.loads.items()}
     stored = {a for a, n, _ in block.stores if a.memory is memory and n == kept}
     block.stores = [

@@ -24,7 +24,8 @@ Coupled = LinkKind | RegionKind
 
 
 def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
-    """The record (or slot, for `lanes`) of a partner; the partner that carries the unit is its parent or base."""
+    """The record of partner m of a unit, or with `lanes` its slot. The partner that carries the unit is the parent of a
+    link, or the base of a region."""
     if m in (kind.partners.base, CARRIER):
         record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
         return slot if lanes else record
@@ -37,7 +38,7 @@ def others(kind: Coupled) -> list[int]:
 
 
 def add_couplings(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
-    """Adds contributions to the couplings of the remaining links; `block` returns the 6x6 block of two links."""
+    """Adds the unit's contributions to the couplings of its partners; `block` returns the 6x6 block of two partners."""
     for n, pair in enumerate(kind.partners.contributions):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
@@ -48,7 +49,7 @@ def add_partner_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
 
 
 def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
-    """Adds a symmetric 6x6 inertia to the articulated inertia of a link; the `first` contribution is assigned."""
+    """Adds a symmetric 6x6 inertia to the articulated inertia of a link. With `first`, it is assigned instead."""
     inertia = fields.articulated
     for J, M, (i, j) in zip(inertia.J.scalars(), inertia.M.scalars(), PLACES, strict=True):
         accumulate(x, store, J, Q[i][j], first, "Eq. 44")
@@ -58,8 +59,7 @@ def add_inertia(x: Scope, store: Store, Q: Matrix, first: bool) -> None:
 
 
 def clear_scales(x: Scope, store: Store, first: bool) -> None:
-    """Sets the reference magnitudes of pivots to zero on the `first` contribution. Only links add to these
-    magnitudes."""
+    """With `first`, sets to zero the magnitudes with which pivots are compared; only links add to them later."""
     if first:
         clear(x, store, fields.moment_scale)
         clear(x, store, fields.mass_scale)
@@ -86,6 +86,6 @@ def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> V
 
 
 def to_base(x: Scope, o: Vector, v: Vector, tag: str, lanes: bool = False) -> Vector:
-    """A moment and a force at a point o, as a moment about the base's origin and a force."""
+    """Converts a moment about the point o and a force to a moment about the base's origin and the same force."""
     moved = add(v[:3], cross(o, v[3:]))
     return [x.let("at_base", e, tag, lanes=lanes) for e in moved] + list(v[3:])

@@ -10,9 +10,9 @@ and for the other unknowns ``Q - G U^T`` and ``p + G r`` remain: no inertia alon
 A reflected inertia `rotor` is added to D and to nothing else. Then ``s . G`` is ``1 - rotor/D``. Along s, there remain
 the inertia ``rotor G`` and the force ``tau - rotor r/D``. Neither is a difference of large terms.
 
-The unknowns of a link are the six components of its acceleration, and six of each partner; the columns are those of its joint.
-The unknowns of a region are its sources, a base that carries it, and partners. A source changes no other unknown, so its value is
-zero until it has been computed.
+When a link is eliminated, the unknowns are the six acceleration components of the link and of each partner; the columns are those
+of its joint. When a region is eliminated, the unknowns are the accelerations of its sources, of its base if this carries the
+region, and of the partners. The column of a source has one entry, for the source itself.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ZeroPivotError(ValueError):
 
 @dataclass(frozen=True)
 class PivotFields:
-    """Fields that store the results of eliminations, for back substitution and for later right sides.
+    """Fields that store the results of eliminations. Back substitution and solutions for other right sides read them.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class PivotFields:
     gain : ScalarField
         ``G``, by degree of freedom and unknown.
     entry, force, moving : str
-        Names in generated code for entries of Q, of p, and of p along directions.
+        Names in generated code for entries of Q, of p, and of p in sweeps over directions.
     """
 
     store: Store
@@ -149,7 +149,7 @@ class SymmetricSystem:
         for i in others:
             p[i] = let(f"{kept.force}{self.labels[i]}", p[i] + G[i] * r, "Eq. 45")
         if s.lead in left:
-            # without a rotor the leading row is minus the sum of other rows times s: zero if s has one component
+            # without a rotor s . Q = 0 remains, so the leading row follows from the others; it is 0 if s has one entry
             for k in (*others, s.lead):
                 name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
                 along = rotor * (U[k] * inverse if k == s.lead else G[k]) if geared else 0
@@ -173,10 +173,9 @@ def eliminate_force(
     x: Scope, kept: PivotFields, right: Store, j: int, s: Column, P: Vector, tau: Value, labels: Sequence[str],
     left: range | None = None, rotor: Value = 0,
 ) -> None:  # fmt: skip
-    """Eliminate a degree of freedom for another right side, over directions: ``r = tau - s . P`` and, in place, ``P +=
-    G r``.
+    """Repeat the elimination of a degree of freedom for another force P: compute ``r = tau - s . P`` and add ``G r`` to P.
 
-    `right` is the store that receives ``r / D``.
+    The statements run over directions. `right` is the store that receives ``r / D``.
     """
     r = x.let("r", tau - s.along(P), "d Eq. 53", lanes=True)
     driven = x.let("rD", r * x.load(kept.store, kept.inverse(j)), "d Eq. 53", lanes=True)
@@ -203,10 +202,10 @@ def substitute(
     geared: bool = False,
     of: str = "",
 ) -> Value:
-    """Acceleration of a degree of freedom, ``r / D - G . a``; adds its effect to a in place. Call in reverse order of
-    elimination.
+    """The acceleration of a degree of freedom, ``r / D - G . a``; adds s times this acceleration to a, in place.
 
-    `right` is ``r / D`` or the store that contains it; `geared`: there is a rotor; `of` is the prefix of equation tags.
+    Degrees of freedom are substituted in the reverse order of their elimination. `right` is ``r / D`` or the store that
+    contains it, `geared` whether a rotor turns with the joint, and `of` the prefix of equation numbers in comments.
     """
     # without a rotor s . G = 1, so G . a depends on the leading component of a only through a - s a_lead
     G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]

@@ -41,11 +41,11 @@ class Program:
     blocks : dict of str to dict of int to Block
         By sweep and kind.
     fields : dict of Memory to list of str
-        Components that are kept, by sort of memory.
+        Components that have a place in each type of memory, in the order of the places.
     slots : dict of str to list of str
         Components of slots, by sweep.
     transient : dict of str to list of str
-        Fields of records that only need a slot, by sweep.
+        Components of records that only one sweep reads, so that a slot is enough; by sweep.
     ground_fields : set of str
         Fields of the ground that are read.
     read_outside : set of (memory, kind, field)
@@ -70,7 +70,7 @@ class Program:
 
 
 class FieldUse:
-    """Checks that every family of fields that blocks store is read somewhere.
+    """Checks that some block or formula reads each stored field; fields that differ only in a number count as one family.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class FieldUse:
                 self._written.setdefault(entry.family, (sweep.title, {}))[1][store, name] = None
 
     def check(self) -> None:
-        """Raise an error if a stored family of fields is never read.
+        """Raise an error if a family of fields is stored but never read.
 
         Raises
         ------
@@ -284,7 +284,7 @@ def _links(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> list[_L
 
 
 def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
-    """Places on which some result depends; for values with two expressions, operands are not followed."""
+    """Places on which some result depends. Places that only operands of values with two expressions need are left out."""
     needed: set[Place] = set(program.read_outside)
     before = -1
     read: dict[int, frozenset[int]] = {}
@@ -304,7 +304,7 @@ def _needed(program: Program, blocks: list[_Links]) -> set[Place]:
 
 
 def _read_for(block: Block, symbols: set[Symbol], ends: Container[Symbol] = ()) -> set[Symbol]:
-    """The given symbols and those on which they depend; statements of `ends` are not followed."""
+    """The given symbols and those on which they depend. The search does not go beyond symbols in `ends`."""
     found = set(symbols)
     for statement in reversed(block.statements):
         if statement.target in found and statement.target not in ends:
@@ -375,7 +375,7 @@ def _lay_out(program: Program) -> None:
 
 
 def _transient(program: Program) -> dict[str, list[str]]:
-    """Fields of records that only neighbours read, and only within the sweep that writes them, by sweep.
+    """For each sweep, the components of records that only neighbouring links read, and only within this sweep.
 
     They need memory for one path through the tree only, which stays in the cache.
     """

@@ -1,4 +1,4 @@
-"""Contributions to adjoints: the first to each component assigns it, so that no memory is set to zero before."""
+"""Sums of adjoints: the first contribution assigns the component, so memory need not be set to zero before."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class _Access:
         Number of the sweep, in the order in which they run.
     kind : UnitKind
     store : Store
-        The store that overwrites, also where the block adds.
+        The accessed store, in the form that overwrites (`Store.plain`), even if the block adds to it.
     """
 
     at: int
@@ -40,10 +40,11 @@ Accesses = tuple[_Access, ...]
 
 
 def assign_first(system: System, memory: Memory, runs: Sequence[Run], own: Store, outside: set[str]) -> None:
-    """Replace first contributions by assignments in all blocks, or in none.
+    """Replace the first contribution to each component by an assignment.
 
-    A component that is read begins with zero in the first sweep, unless every link gets its first contribution from the
-    same blocks.
+    If the block of a kind contributes first for some links only, or if a link without contributions is read, the first
+    sweep assigns the component instead: its own contribution, or zero. If the ground has such a component, which this
+    sweep does not reach, nothing is replaced.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def assign_first(system: System, memory: Memory, runs: Sequence[Run], own: Store
 
 
 def _accesses(system: System, memory: Memory, runs: Sequence[Run]) -> tuple[dict[str, Accesses], dict[str, Accesses]]:
-    """By component: which blocks add to it, and which load it."""
+    """By component, the accesses of the blocks that store it, and of those that load it."""
     given: dict[str, dict[_Access, None]] = {}
     read: dict[str, dict[_Access, None]] = {}
     for at, (sweep, blocks) in enumerate(runs):
@@ -118,7 +119,7 @@ class _Order:
         self._links: dict[_Access, list[int]] = {}
 
     def links(self, access: _Access) -> list[int]:
-        """The links that an access reaches, for the instances of its kind."""
+        """For each instance of the kind, the link whose memory is accessed."""
         if access not in self._links:
             of_units = self.runs[access.at][0].units
             self._links[access] = owner_links(self.system, access.kind, access.store, of_units)
@@ -129,8 +130,8 @@ class _Order:
         return access.kind.units if self.runs[access.at][0].units else access.kind.members
 
     def first(self, given: Accesses, read: Accesses, of_ground: bool) -> set[_Access] | None:
-        """The contributions that come first for every link to which they add; None if a contribution comes first for a
-        part of its links only, or if a link without contributions is read."""
+        """The accesses that contribute first to every link that they reach. None if an access comes first for some of its
+        links only, or if the component is read for a link to which no access contributes."""
         earliest: dict[int, tuple[int, int, int]] = {}
         for g, access in enumerate(given):
             sign = -1 if self.runs[access.at][0].direction == INWARD else 1

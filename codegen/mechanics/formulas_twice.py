@@ -1,4 +1,4 @@
-"""Adjoints of formulas over records, and the tangents of these, for second derivatives."""
+"""Formulas that read records of links: their adjoints, and the tangents of these adjoints, for second derivatives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .second_order_stores import adjoint_of, adjoint_tangent_of, tangent_of
 
 
 def differentiate_records(formula: Formula) -> None:
-    """Sets `Formula.of_records`."""
+    """Sets `Formula.of_records`, the tangent of the formula's adjoint."""
     target = formula.target
 
     def place(store: Store) -> Store:

@@ -1,6 +1,6 @@
-"""The transpose of the balance, merged from six sweeps into two: one outward, one inward.
+"""The transpose of the balance (the tangent of forward dynamics): six sweeps are merged into two, one outward, one inward.
 
-The transpose of the balance's inward sweep goes outward and propagates virtual motions. This transpose is merged with
+The transpose of the balance's inward sweep goes outward and propagates virtual motions. It is merged with
 the sweep of accelerations. Terms in transmitted forces are deferred (`codegen.program.transpose.deferred`), since these
 forces are only known on the way inward. The inward sweep merges the transmitted forces, the deferred terms, and the
 transposes of the outward sweep and of the completion of seeds (`codegen.program.fusion`). Gradients of coordinates are
@@ -173,9 +173,9 @@ class _Unit:
 
 
 class _Propagated:
-    """Contributions that units propagate per direction, and whether a component is still empty when a unit begins. If
-    the answer is the same for all units of a kind, the first contribution assigns, and reused memory need not be
-    cleared.
+    """Sums per direction to which units contribute, and whether a unit is the first that contributes to a component. If
+    the answer is the same for all units of a kind, the first contribution assigns the component, and reused memory need
+    not be cleared.
 
     Attributes
     ----------
@@ -226,7 +226,8 @@ class _Propagated:
         return self._links[k, store]
 
     def _first(self, givers: tuple[tuple[int, Store], ...]) -> tuple[set[tuple[int, Store]], set[int]] | None:
-        """The contributions that always come first, and all receiving links; None if one comes first for some units only."""
+        """The contributions that come first for all units of a kind, and all links that receive contributions. None if a
+        contribution comes first for some units of its kind only."""
         earliest: dict[int, tuple[int, int]] = {}
         for g, (k, a) in enumerate(givers):
             for unit, link in zip(self.kinds[k].units, self.links(k, a), strict=True):
@@ -241,5 +242,5 @@ class _Propagated:
         return {givers[g] for g in count}, set(earliest)
 
     def fresh(self, kind: UnitKind, store: Store, name: str) -> bool:
-        """Whether a component is still empty when the block of a unit of that kind begins."""
+        """Whether no unit has contributed to a component before the block of a unit of this kind begins."""
         return (name, kind.index, store) in self._fresh

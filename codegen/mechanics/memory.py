@@ -16,9 +16,9 @@ class SystemLayout(Layout):
     Attributes
     ----------
     number_offsets, closure_number_offsets, element_number_offsets : list of int
-        First of the numbers of each link, loop and force element.
+        Index of the first number of each link, loop and force element in the array of numbers.
     trig_of : list of int
-        For each link, the number of its angle.
+        For each link, the index of its joint angle's cosine and sine.
     """
 
     def __init__(self, program: Program):
@@ -99,7 +99,7 @@ class SystemLayout(Layout):
 
 
 def _added_again(program: Program) -> list[str]:
-    """Adjoints that sweeps of `RUN_AGAIN` change; these sweeps run again from a copy of the adjoints."""
+    """Adjoints that sweeps of `RUN_AGAIN` change. A copy of them is kept, from which the sweeps run a second time."""
     blocks = [b for s in RUN_AGAIN for b in program.blocks.get(s, {}).values()]
     added = {n for b in blocks for store, n, _ in b.stores if store.memory is ADJOINT}
     return [n for n in program.fields.get(ADJOINT, []) if n in added]

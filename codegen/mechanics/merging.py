@@ -26,11 +26,11 @@ from .structure.kinds import UnitKind
 from .sweeps import FALLING, INWARD, SWEEP, transpose_name
 
 LONGEST, LONGEST_ALONG = 1000, 300
-"""Largest number of symbols that a merged sweep may read, since compilers take long for long functions. The second
-limit is for sweeps over directions: only in short loops do values common to all directions stay in registers."""
+"""Largest number of symbols that a merged sweep may read, because compilers take long for long functions. The second
+limit is for sweeps over directions: values common to all directions stay in registers only if the loop is short."""
 
 OF_LINKS = RECORD, KEPT[RECORD], SLOT
-"""Memory that the ground also has."""
+"""Types of memory that exist for the ground as well as for links."""
 
 GRAVITY = argument("gravity")
 """Minus the acceleration of gravity, which functions of single links read from the record of the ground."""
@@ -84,7 +84,7 @@ class _Merging:
     of : dict of Store to (kind, Store)
         See `Merged`.
     shared : set of (Store, str)
-        Components that links of this sweep only exchange with neighbours.
+        Components that only neighbouring links exchange, within this sweep; they become local variables.
     ground : set of Store
         The ground's stores, whose values are known before the sweep.
     """

@@ -105,7 +105,7 @@ class Patterns:
         self.nonzero: dict[tuple[MemoryKey, KindKey], dict[str, int | None]] = {}
         self._fields: dict[tuple[UnitKind, str, Store], list[dict[str, int | None]] | None] = {}
         self.overruled = False
-        """Whether a sweep has stored another value in a field that was 1 or -1 in an earlier sweep."""
+        """Whether a field that was 1 or -1 in earlier sweeps has since been stored with another value."""
         self._known_from: dict[Place, str] = {}
         self._written: set[Place] = set()
         self._runs: dict[UnitKind, _Run] = {}
@@ -234,7 +234,7 @@ class Patterns:
         return _Run(x, at, reads)
 
     def _note(self, memory: MemoryKey, kind: KindKey) -> None:
-        """Records that memory read by other blocks has changed."""
+        """Records that the pattern of this memory has changed, so that blocks that read it must run again."""
         self._clock += 1
         self._changes[memory, kind] = self._clock
 

@@ -27,7 +27,7 @@ class Quantity:
     energy : bool
         The steps add to the energies.
     pivots : bool
-        The tangents may meet a zero pivot.
+        The steps for the tangent may meet a zero pivot.
     sums : tuple of str
         Arrays to which the steps add; they must begin with zeros.
     dynamics : bool

@@ -95,12 +95,12 @@ ACCELERATIONS = "link_accelerations"
 """The sweep that computes accelerations for outputs."""
 
 CHANGES = (ADJOINT_LANE, CHANGE_LANE)
-"""Memory of changes with multipliers."""
+"""Memory of tangents of adjoints, and of their changes when multipliers of loops change."""
 
 
 @dataclass(slots=True, eq=False)
 class Original:
-    """A block of values that computes all of them, including values that the printed block loads from earlier blocks.
+    """A block that computes all of its values itself; the printed block loads some of them from earlier blocks.
 
     Attributes
     ----------
@@ -131,17 +131,17 @@ class Original:
 
 
 class SecondOrder:
-    """Derives the blocks of `sweeps.TWICE`.
+    """Derives the blocks of the sweeps for second derivatives (`sweeps.TWICE`) from those of the inverse dynamics.
 
     Parameters
     ----------
     patterns : Patterns
     originals : mapping of str to mapping of int to Original
-        By sweep and kind.
+        Blocks of the inverse dynamics, by sweep and kind.
     wanted : set of str
         Names of the sweeps that run.
     given : set of Place
-        Adjoints to which formulas over records contribute.
+        Adjoints to which formulas that read records contribute.
     alone : bool
         Whether only one function runs the sweeps.
     gradients : bool
@@ -157,17 +157,17 @@ class SecondOrder:
         self.sweeps = [SWEEP[s] for s in DIFFERENTIATED_TWICE if s in originals]
         loops = bool(self.system.model.loops)
         self.read = (*READ_BY_FORMULAS, *(READ_BY_LOOPS if loops else ()), *(GRADIENTS if gradients else ()))
-        """Arrays of adjoints that are read after the sweeps."""
+        """Stores of adjoints that are read after the sweeps."""
         self.solved = (DUDOT_BAR, DMULTIPLIER_BAR)
-        """Tangents of adjoints from which the tangents of solutions follow."""
+        """Stores of the right sides for the tangents of udot and of the multipliers."""
         self.transposes: dict[tuple[str, int], Block] = {}
         self.forward = mass_name("missing_forces") in self.parts
-        """Whether products of the forward dynamics of a tree are among the functions."""
+        """Whether some function computes second derivatives of the forward dynamics of a tree."""
         inverse = "given_accelerations" in wanted if loops else "tree_motion" in originals
         self.dropped = () if inverse else (DUDOT_BAR, DMULTIPLIER_BAR)
         driven = not {"driving", "driving_in_loops"}.isdisjoint(originals)
         self.solving = self.sweeps if driven else [s for s in self.sweeps if s.name == ACCELERATIONS]
-        """Sweeps whose adjoints store the right sides of the virtual motion, for outputs."""
+        """Sweeps whose adjoints, for outputs, store right sides of the equation of the virtual motion."""
         alone = alone and not self.solving
         self.one_of_trees = alone and not loops and (self.forward or inverse)
         """Whether the model is a tree, only one function runs the sweeps, and no formula contributes: first contributions
@@ -242,7 +242,7 @@ class SecondOrder:
         return found | {name: self._together(name, found) for name in TOGETHER if name in self.wanted}
 
     def _together(self, name: str, found: Mapping[str, Mapping[int, Block]]) -> dict[int, Block]:
-        """The blocks of several sweeps, joined to one block for each kind."""
+        """For each kind, one block that joins the blocks of several sweeps."""
         made: dict[int, Block] = {}
         for kind in SWEEP[name].kinds(self.system):
             parts = [found[part][kind.index] for part in TOGETHER[name] if kind.index in found[part]]
@@ -261,8 +261,8 @@ class SecondOrder:
             self._assign_first_of(memory, [name_of(s.name) for s in reversed(self.sweeps)], found)
 
     def _assign_first_in_loops(self, found: dict[str, dict[int, Block]]) -> None:
-        """Let the first contributions to the tangents of adjoints assign, in models with loops; see `WithLoops` for the
-        order."""
+        """In models with loops, let the first contribution to each tangent of an adjoint assign it; `WithLoops` has the
+        order of the contributions."""
         order = backward_in_loops(s.name for s in self.sweeps)
         poses = [s for s in order if s in ("pose", "rotations")]
         names = [
@@ -279,7 +279,7 @@ class SecondOrder:
         assign_first(self.system, memory, runs, in_memory(memory, ME), outside)
 
     def _drop_zeros(self, found: dict[str, dict[int, Block]]) -> None:
-        """Drop zeros from transposes of tangents; an adjoint is zero if none of these blocks stores it."""
+        """Simplify the transposes of tangents: a component is zero if none of them stores a nonzero value in it."""
         nonzero: set[Place] = set()
         known = -1
         transposes = [(s, k) for s in reversed(self.sweeps) for k in self._kinds(s) if back_name(s.name) in found]
@@ -311,7 +311,7 @@ class SecondOrder:
             found[name][k] = block
 
     def _read_by_tangents(self, tangents: dict[str, dict[int, Block]]) -> dict[str, dict[int, Block]]:
-        """The tangents without those stores on which no result depends; such stores have no adjoints."""
+        """The blocks of tangents, without stores on which no result depends. Their adjoints would not be needed."""
         of = [(s, k, tangents[s.name][k.index]) for s in reversed(self.sweeps) for k in reversed(self._kinds(s))]
         found: dict[str, dict[int, Block]] = {s.name: {} for s in self.sweeps}
         read: set[Place] = {((TANGENT, ""), k, n) for _, k, n in self.given}
@@ -392,7 +392,7 @@ class SecondOrder:
         return found
 
     def _stored(self, sweep: Sweep, kind: UnitKind, of: Original) -> dict[Symbol, Component]:
-        """Values that the sweep of values has stored; the other blocks load them instead of computing them again."""
+        """Values that the undifferentiated sweep stores in records; tangents load them instead of computing them again."""
         computed = {s.target for s in of.block.statements}
         found: dict[Symbol, Component] = {}
         for store, name, e in of.block.stores:
@@ -418,15 +418,15 @@ def varying_of_ground(system: System) -> list[str]:
 
 
 def read_outside(system: System) -> set[Place]:
-    """Adjoints of the ground, from which the gradient by the parameters of gravity follows."""
+    """Adjoints of the ground's record. The gradient with respect to parameters of gravity follows from them."""
     return {((memory, ""), GROUND_KIND, n) for memory in (ADJOINT, ADJOINT_LANE) for n in varying_of_ground(system)}
 
 
 def _changing(block: Block, sweep: str) -> Block:
-    """The transpose of a tangent. Results have memory of their own if later transposes for the same multipliers read them.
+    """The transpose of a tangent, applied to multipliers of loops. Results that later transposes read move to
+    `CHANGE_LANE`; all others add to the tangents of adjoints, whose sweeps follow.
 
-    For multipliers of conditions on velocities, these results are the adjoints of velocities. All other results add to
-    the tangents of adjoints, whose sweeps follow.
+    For conditions on velocities, the results that move are the adjoints of velocities; for all others, every adjoint.
     """
     of_velocities = sweep in ("rate_gaps", "velocities")
 
@@ -441,7 +441,7 @@ def _changing(block: Block, sweep: str) -> Block:
 
 
 def _storing(block: Block, kept: Callable[[Store], bool]) -> Block:
-    """A block with some of its stores only."""
+    """A block reduced to the stores that `kept` selects, and to the statements that they need."""
     return drop_dead(
         Block(block.name, block.title, block.loads, block.statements, [s for s in block.stores if kept(s[0].plain)])
     )

@@ -62,7 +62,7 @@ def rotation(kind: LinkKind, d: Tangents) -> list[tuple[Store, str, Expr]]:
 
 
 def _turn_of(d: Tangents, R: Matrix) -> Vector:
-    """The rotation vector of the tangent of a rotation matrix, on the side of its rows: of ``dR R^T``."""
+    """The rotation vector of the tangent dR of a rotation matrix R: the axial vector of ``dR R^T``."""
     x = d.expansion
     rows = [[d.value(e) for e in row] for row in R]
     turn = [sum(a * b for a, b in zip(rows[i], R[j], strict=True)) for i, j in ((2, 1), (0, 2), (1, 0))]

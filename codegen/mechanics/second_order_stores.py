@@ -107,7 +107,7 @@ TANGENTS = {
     COORDINATE_FORCE: DCOORDINATE_FORCE, GQ: DGQ, QDOT: DQDOT, KINETIC: DKINETIC, POTENTIAL: DPOTENTIAL, MASSES: DMASSES,
     MOMENTA: DMOMENTA, DRIVING: DDRIVING, HELD: DHELD,
 }  # fmt: skip
-"""The tangents of arguments, results and formulas."""
+"""The store of tangents for each store of arguments, results and values of formulas."""
 
 ADJOINTS = {
     DQ: GQ, DU: GU, DP: GP, CE_DP: CE_GP, DUDOT: UDOT_BAR, DTAU: TAU_BAR, DMOTION: MOTION_BAR,
@@ -125,19 +125,19 @@ ADJOINT_TANGENTS = {
     ACCELERATION_GAP_BAR: DACCELERATION_GAP_BAR, KINETIC_BAR: DKINETIC_BAR, POTENTIAL_BAR: DPOTENTIAL_BAR,
     MASSES_BAR: DMASSES_BAR, MOMENTA_BAR: DMOMENTA_BAR, HELD_BAR: DHELD_BAR,
 }  # fmt: skip
-"""The tangents of adjoints."""
+"""The store of tangents for each store of adjoints."""
 
 READ_BY_FORMULAS = (TAU_BAR, MOTION_BAR, COEFFICIENT_BAR, DRIVE_BAR, HELD_BAR)
 """Adjoints that formulas read in all functions, also in those that compute no gradient."""
 
 READ_BY_SOLUTIONS = (UDOT_BAR, MULTIPLIER_BAR)
-"""Adjoints from which the virtual motion of outputs follows."""
+"""Adjoints that are right sides in the equation of the virtual motion of outputs."""
 
 GRADIENTS = (GQ, GU, GP, CE_GP, CL_GP)
-"""Gradients of one vector of weights."""
+"""Gradients of a weighted sum of results, for one vector of weights."""
 
 READ_BY_LOOPS = (GQ, GU)
-"""Adjoints from which the multipliers of loops follow."""
+"""Gradients that the multipliers of loops balance, so that these follow from them."""
 
 WITHOUT_TANGENTS = (RATE_GAP_BAR, GAP_BAR, QDOT_BAR, DRIVING_BAR)
 """Adjoints without tangents: multipliers whose changes are added later, and weights of results."""
@@ -149,7 +149,7 @@ _BASE: dict[Store, Store] = {}
 
 
 def base_of(store: Store) -> Store:
-    """A store without its place."""
+    """The same store without `place`, the number of its owner in a unit."""
     return _UNPLACED.get(store.name, store) if store.place is not None else store
 
 
@@ -163,7 +163,7 @@ _UNPLACED = {s.name: s for table in (TANGENTS, ADJOINTS, ADJOINT_TANGENTS) for s
 
 
 def in_memory(memory: Memory, store: Store) -> Store:
-    """The store that holds, in a memory, the counterpart of a store; both have the same owner."""
+    """The store of the same owner in another memory, such as the tangents of a link's record."""
     base = _BASE.get(store, store)
     found = _MADE.get((memory, base))
     if found is None:

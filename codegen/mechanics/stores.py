@@ -210,7 +210,7 @@ COORDINATE_FORCE, DCOORDINATE_FORCE = (
     Store("coordinate_force", LINK, PER_SPEED),
     Store("dcoordinate_force", LINK, PER_SPEED_LANE),
 )
-"""The gradient by coordinates, along the degrees of freedom."""
+"""The gradient with respect to coordinates, converted to degrees of freedom."""
 
 TANGENT_OF = {
     SPEEDS: DU,

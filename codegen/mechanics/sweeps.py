@@ -73,13 +73,13 @@ class Sweep:
     element : callable (scope, kind), optional
         Writes the block of force elements; the sweep runs over these, and for energies over those that have one.
     groups : str
-        For sweeps over all columns of a matrix, the columns on which a link works. ``own``: of the link; ``below``: of the link
-        and those outboard; ``rest``: all others; ``path``: of the link and those inboard; ``still``: not on the path; ``fresh``:
-        on the path of the link but not of its parent.
+        For sweeps over all columns of a matrix, the columns that the block of a link processes. ``own``: those of the link;
+        ``below``: those of the link and of links outboard; ``rest``: all except ``below``; ``path``: those of the link and of
+        links inboard; ``still``: all except ``path``; ``fresh``: in ``path`` of the link but not of its parent.
     then : str
         Sweep whose function for a link is called after that of this sweep.
     closing : bool
-        Needed for loops only; over plain links only if a loop closes on their motion.
+        The sweep is needed for loops only. It has blocks for links outside ears only if a loop depends on their motion.
     """
 
     name: str
@@ -155,7 +155,7 @@ def _driven(kind: LinkKind) -> bool:
 
 
 def _tree_outward(x: Scope, kind: LinkKind) -> None:
-    """Several outward blocks of a link, joined to one block."""
+    """Writes several outward blocks of a link as one."""
     for write in (kinematics.pose, loads.velocities, closed.tree_motion, closed.clear_wrenches):
         write(x, kind)
 
@@ -247,8 +247,8 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=closed_tree.rate_gaps, units=True),
     Sweep("gaps", "values of the loops' conditions in position (Eq. 32)", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.gaps, units=True),
-    Sweep("coordinate_forces", "the gradient by coordinates, along degrees of freedom", closed.coordinate_forces, OUTWARD),
-    Sweep("tangential_gradients", "gradients by quaternions that loops determine in part", _nothing, OUTWARD, applies=_never,
+    Sweep("coordinate_forces", "gradient with respect to coordinates, converted to degrees of freedom", closed.coordinate_forces, OUTWARD),
+    Sweep("tangential_gradients", "gradients with respect to quaternions that loops determine in part", _nothing, OUTWARD, applies=_never,
           ear=closed_tree.tangential_gradients, units=True),
     Sweep("multiplier_gains", "forces of each multiplier on the roots of an ear (Eq. 9)", _nothing, OUTWARD, applies=_never,
           ear=closed_solutions.multiplier_gains, units=True),
@@ -330,7 +330,7 @@ def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
 
 
 FALLING = ("balance_out", "inverse_out")
-"""Sweeps that begin with the tangent of the acceleration by which gravity is represented."""
+"""Sweeps that begin at the ground with the tangent of its acceleration -g."""
 
 GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
 """Merged sweeps of the balance's transpose; the last includes the transpose of the completion of seeds."""
@@ -379,8 +379,8 @@ OF_MASS = ("tree_forces", "wrenches", "acceleration_gaps", "tree_motion")
 
 
 def backward_in_loops(sweeps: Iterable[str]) -> list[str]:
-    """The order of adjoints along directions. The adjoint of joint forces comes first, since its sweep visits all links
-    and reads no other adjoint but those of driving forces."""
+    """The order in which the tangents of adjoints are computed. The one of joint forces comes first, because its sweep
+    visits all links and reads no other adjoint except those of driving forces."""
     first = ("driving_in_loops", OF_MASS[0])
     order = [*sweeps][::-1]
     return sorted(order, key=lambda s: first.index(s) if s in first else len(first))
@@ -397,9 +397,8 @@ TOGETHER = {
     "adjoints_inward": (along_name(adjoint_name("tree_motion")), along_name(adjoint_name("velocities"))),
     "poses_inward": (back_name("velocities"), along_name(adjoint_name("pose"))),
 }  # fmt: skip
-"""Sweeps over links that do not depend on each other and run as one sweep. For each link, their blocks run one after
-the other. A sweep alone mostly waits for the results of the neighbour; in this time the blocks of the other sweeps
-run."""
+"""Independent sweeps over links that run as one sweep: for each link, their blocks run one after the other. In a single
+sweep, the processor mostly waits for results of the neighbouring link; here it computes the other blocks meanwhile."""
 
 
 def parts_of(sweeps: Iterable[str]) -> set[str]:

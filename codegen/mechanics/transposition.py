@@ -21,13 +21,13 @@ from .stores import DQ, DU, KEPT, LAID_OUT, LINK
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
-"""A component of one type of memory, of any owner."""
+"""A type of memory and the name of a component, for any owner."""
 
 _KEPT: dict[Store, Store] = {}
 
 
 def kept(store: Store) -> Store:
-    """The store that keeps scalars of a record for transposes."""
+    """The store that keeps, for transposes, scalars that a sweep would propagate in the given store."""
     found = _KEPT.get(store)
     if found is None:
         if store.adds:
@@ -39,7 +39,7 @@ def kept(store: Store) -> Store:
 
 
 def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
-    """Components that blocks store (`stored`) or load."""
+    """The components that blocks store or, without `stored`, load."""
     if stored:
         return {(a.memory, n) for b in blocks for a, n, _ in b.stores}
     return {(a.memory, n) for b in blocks for a, n in b.loads.values()}

@@ -1,8 +1,8 @@
 """Residuals of loops in position and velocity, and Newton's step of the dependent coordinates, which closes the loops.
 
-Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided
-by the characteristic length. The residual of a rotation by t is 2 sin(t/2), which grows up to half a turn; sin(t) would
-vanish there.
+The directions of conditions are fixed in the start face of a loop joint; displacements are those of the end face's origin,
+divided by the characteristic length. The residual of a rotation by the angle t is 2 sin(t/2), which grows up to half a turn;
+sin(t) would vanish there.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .motions import Twist
 from .orthogonal import Factor
 
 HALF_TURN = 1e-14
-"""Squared cosine of half a rotation's angle below which the rotation counts as half a turn."""
+"""A rotation counts as half a turn if the squared cosine of half its angle is smaller."""
 
 
 def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
@@ -41,10 +41,10 @@ def _over_root(x: Scope, value: Value) -> tuple[Value, Value]:
 
 
 def face_differences(x: Scope, ear: EarGeometry) -> tuple[list[Twist], Vector]:
-    """Residual of every loop: rotation vector, to first order near closure, and displacement from start to end face.
+    """The residual of every loop: the displacement from start to end face, and a vector that equals the rotation vector to
+    first order near closure.
 
-    Also returns a flag for every loop, 1 at half a turn: the rotation vector then has length 2 and an arbitrary
-    direction.
+    Also returns a flag for every loop, which is 1 at half a turn. The vector then has length 2 and an arbitrary direction.
     """
     found: list[Twist] = []
     halves: Vector = [0] * len(ear.kind.closures)
@@ -98,7 +98,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
 
 
 def newton_step(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: displacements of its dependent joints that close its loops to first order."""
+    """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
     ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps, _ = face_differences(x, ear)
     roots = [root.step() for root in ear.roots]
@@ -165,8 +165,9 @@ def far_steps(x: Scope, kind: RegionKind) -> None:
 def conditions(x: Scope, kind: EarKind) -> None:
     """Block of an ear: the condition number of its closure matrix, section 4.7 of the theory page.
 
-    With rows and columns scaled it is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms, and ``|1/r|`` for a single
-    column. It is 1 if a single column belongs to couplings only, and 0 without columns.
+    With rows and columns scaled, the number is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms for n columns, and
+    ``|1/r|`` for a single column with diagonal entry r. It is 1 if this column belongs to couplings only, and 0 without
+    columns.
     """
     f = stored_factor(x, kind)
     n = len(f.order)
@@ -188,8 +189,8 @@ def conditions(x: Scope, kind: EarKind) -> None:
 
 
 def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
-    """The unit of each column, in the order of the factor. In these units, displacements and rows are multiples of the
-    characteristic length."""
+    """The unit of each column, in the order of the factor's columns. In these units, displacements and rows are multiples
+    of the characteristic length."""
     found = []
     for column in f.order:
         k, j = dependents(kind)[column]

@@ -21,8 +21,7 @@ from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
-    """Accelerations that are known before a region's own, by index of the unknown: those of far links, base and
-    partners."""
+    """Accelerations of far links, base and partners, by index of the unknown; they are known before those of the sources."""
     base = x.load(LBASE if lanes else BASE, fields.explicit_acceleration) if kind.carried else []
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
     found = {place_of_base(kind) + i: value for i, value in enumerate(base)}

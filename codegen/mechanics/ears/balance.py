@@ -1,10 +1,9 @@
 """The balance through an ear: tangents of its inverse dynamics at fixed udot. Section 4.6 of the theory page.
 
-Motions and forces have components along the links' own axes, like those of plain links: a link's inertia is constant
-there, and only its joint rotates. Only quantities at a cut are rotated into the region's axes, and the loops' wrenches
-are rotated back. Outward, the acceleration closure is differentiated. Inward, the loops carry the wrench that closes
-them, and the residual along the dependent joints is projected onto the sources by the same map ``Y``: no multiplier is
-ever solved for along a direction.
+Motions and forces have components along the links' own axes, as for links outside ears: along these axes, a link's inertia
+is constant. Only quantities at a cut are rotated into the region's axes, and the loops' wrenches are rotated back. Outward,
+the acceleration closure is differentiated. Inward, the loops transmit the wrench that closes them. The residual along the
+dependent joints is projected onto the sources by ``Y``, so tangents of multipliers are not needed.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[t
 
 
 def ear_balance_out(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions: with the sources' udot held, tangents of motions and of required forces. Eqs. 25-29."""
+    """Outward block over directions: tangents of motions and of required forces at fixed udot of the sources. Eqs. 25-29."""
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
     angles = kept_rotations(ear)
@@ -151,13 +150,13 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
 
 
 def kept_rotations(ear: EarGeometry) -> dict[int, Vector]:
-    """Rotation vectors of links and, at negative positions, of roots, for complete seeds."""
+    """Rotation vectors of links (keys 0, 1, ...) and of roots (negative keys), for complete seeds."""
     found = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     return found | {k: ear.x.load(MY_LANE[k], fields.shift.angular) for k in range(len(ear.members))}
 
 
 def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
-    """If joints slide: tangents of the roots' positions, along the completed seeds."""
+    """Tangents of the roots' positions along complete seeds; empty for ears whose loop joints do not slide."""
     found: dict[Symbol, Value] = {}
     for root in ear.roots if ear.slides else ():
         found.update(tangents_of(root.position(), root.displacement(True)))
@@ -165,7 +164,7 @@ def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
 
 
 def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Value]:
-    """Tangents of the roots' velocities, for ears with joints that slide."""
+    """Tangents of the roots' velocities; empty for ears whose loop joints do not slide."""
     found: dict[Symbol, Value] = {}
     for root, twist in zip(ear.roots, velocities, strict=False):
         found.update(tangents_of(twist.six, root.velocity_tangent(True)))
@@ -173,7 +172,7 @@ def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Val
 
 
 def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> None:
-    """If joints slide, do not differentiate the roots' velocities and positions: their tangents are given."""
+    """If loop joints slide, exclude the roots' velocities and positions from differentiation: their tangents are given."""
     for t, root in enumerate(ear.roots if ear.slides else ()):
         if velocities:
             d.hold(velocities[t].six)
@@ -279,7 +278,9 @@ def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
 def residual_tangent(
     x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, coupling_forces: CouplingForces, found: bool = False
 ) -> Value:  # fmt: skip
-    """Tangent of the residual of a transmitted force along a degree of freedom; for `found` see `own_force_tangent`. Eq. 53."""
+    """Tangent of the transmitted force along a degree of freedom, minus that of the joint's own force. Eq. 53.
+
+    `found`: see `own_force_tangent`."""
     dtau = own_force_tangent(x, ear.kind, k, j, found)
     s = column_of(ear, k, j)
     change = s.change(ear.members[k].view, phi)
@@ -372,9 +373,9 @@ def apply_wrench(
     d_phi: list[Vector],
     d: EarTangents,
 ) -> list[RootForce]:
-    """Add a loop's wrench on its two faces. It stays along the directions that the joint constrains, which rotate with the links.
+    """Add the wrench of a loop on its two faces. Its components are along directions that rotate with the links.
 
-    Its effect on links of the ear is added to `phi` and `d_phi`; its effect on roots is returned.
+    Wrenches on links of the ear are added to `phi` and `d_phi`; those on roots are returned.
     """
     wrenches = of_loop(rows, c, wrench, [row.n for row in rows])
     tangents = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])

@@ -4,7 +4,7 @@ With E for the conditions of all loops and M for the mass matrix of the tree, th
 
     E_dependent^T y = c        and        M x + E^T y = b,   E x = e.
 
-They are the balance (`ears.balance`) and the tangents of reactions (`ears.reaction_tangents`) with fixed geometry.
+They do the same as the sweeps of `ears.balance` and `ears.reaction_tangents`, but with fixed geometry.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def _solve(x: Scope, kind: EarKind, given: Callable[[int, int], Value], own: Six
 def multiplier_gains(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the forces on its roots by multipliers equal to each column of Q. Eq. 9.
 
-    They are the same for all right sides. The forces of multipliers are sums of them.
+    These forces are the same for all right sides; the forces of any multipliers are linear combinations of them.
     """
     ear = EarGeometry(x, kind)
     rows = kept_conditions(ear)
@@ -233,7 +233,7 @@ def _dependent_rates(x: Scope, ear: EarGeometry, before: list[Vector], own: Rate
 
 
 def _accelerations(ear: EarGeometry, before: list[Vector], rates: Rates) -> list[Vector]:
-    """The accelerations of an ear's links, also stored for links that start from them. Eq. 19."""
+    """The accelerations of an ear's links. They are also stored for the children of these links. Eq. 19."""
     found: list[Vector] = []
     for k, member in enumerate(ear.members):
         joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
@@ -251,13 +251,13 @@ def region_response(x: Scope, kind: RegionKind) -> None:
 
 
 def link_at_rest(x: Scope, kind: LinkKind) -> None:
-    """Outward block of a link: no force is required while the sources are at rest and e is zero."""
+    """Outward block of a link if e = 0: sets the force that it requires with the sources at rest to zero."""
     for part in fields.needed.scalars():
         x.store(MY_LANE, part, 0)
 
 
 def ear_at_rest(x: Scope, kind: EarKind) -> None:
-    """Outward block of an ear: no force is required and no joint moves while the sources are at rest and e is zero."""
+    """Outward block of an ear if e = 0: sets required forces and dependent accelerations to zero (sources at rest)."""
     for k, dependent in enumerate(kind.dependent):
         for part in (*fields.needed.scalars(), *(fields.dependent_acceleration(j) for j in dependent)):
             x.store(MY_LANE[k], part, 0)

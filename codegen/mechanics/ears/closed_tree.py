@@ -1,9 +1,8 @@
 """Conditions of loops in the ground frame, and their wrenches on the links of the tree, for second derivatives.
 
-The conditions are those of the closure matrix, along the same directions. So the factor of this matrix gives their
-multipliers. Positions, velocities and accelerations of links are those of sweeps over the tree. All conditions are met,
-so only their derivatives are read. Differences of distant positions, which cost digits, are needed only where a loop
-joint slides.
+The conditions are those of the closure matrix, along the same directions, so their multipliers follow from the factored
+matrix. Positions, velocities and accelerations of links come from sweeps over the tree. All conditions are met, so only
+their derivatives are read. Differences of distant positions lose digits; they are needed only if a loop joint slides.
 """
 
 from __future__ import annotations
@@ -185,7 +184,7 @@ def acceleration_gaps(x: Scope, kind: EarKind) -> None:
 def tangential_gradients(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: gradients with respect to quaternions, without the component along the quaternion.
 
-    Only where loops determine some rotations of a joint but not all: completion of seeds then keeps the quaternion's length.
+    Only for joints of which loops determine some rotations but not all: completion of seeds keeps the length of their quaternion.
     """
     for k, link in enumerate(kind.links):
         if link.joint.quaternion is None or not 0 < len([j for j in kind.dependent[k] if j < 3]) < 3:

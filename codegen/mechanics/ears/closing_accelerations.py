@@ -23,8 +23,8 @@ def closing_accelerations(
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
-    """Values of the conditions for accelerations of faces and joints, including the rotation of the conditions'
-    directions. Eq. 31."""
+    """Residuals of the conditions in acceleration, from accelerations of faces and joints. They include the terms due to
+    the rotation of the conditions' directions. Eq. 31."""
     slips = (
         slip_velocities(x, ear, named_root_velocities(ear) if root_speeds is None else root_speeds)
         if ear.slides
@@ -87,7 +87,7 @@ def cut_accelerations(
 
 
 def slip_velocities(x: Scope, ear: EarGeometry, roots: list[Twist]) -> list[Twist]:
-    """Relative velocities at the cuts, for joints that slide."""
+    """Relative velocities of the faces at the cuts; zero for loop joints that do not slide."""
     velocities = ear.walk(roots, [m.speeds for m in ear.members], "s", "Eq. 30")
     return ear.face_difference(velocities, roots, [m.speeds for m in ear.members])
 

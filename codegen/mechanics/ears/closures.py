@@ -102,8 +102,8 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
 
 
 def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
-    """Attitude, position and velocity (as from `link_motion`) of the links of an ear on which other loops close. Eqs.
-    18, 22."""
+    """Stores, for links of the ear on whose motion loops of other regions depend, what `link_motion` stores for links
+    outside ears: attitude, position and velocity. Eqs. 18, 22."""
     kind = ear.kind
     for k, link in enumerate(kind.links):
         if link.closed_on == "origin":
@@ -155,8 +155,8 @@ def root_velocities(ear: EarGeometry) -> list[Twist]:
 
 
 def named_root_velocities(ear: EarGeometry) -> list[Twist]:
-    """Velocities of the roots. Each entry is a symbol of its own, even if it copies a value, because its tangent is
-    given."""
+    """Velocities of the roots. Each entry is a separate symbol, even if it copies another value, because other code sets
+    its tangent."""
     found = []
     for twist in root_velocities(ear):
         named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]

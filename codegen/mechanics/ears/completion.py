@@ -196,8 +196,8 @@ def complete_velocities(
 def member_displacement(
     x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
-    """For a link of an ear on which other loops close: store the quantities that `link_displacement` stores for plain
-    links."""
+    """Stores, for a link of an ear on whose motion loops of other regions depend, what `link_displacement` stores for
+    links outside ears."""
     kind, tag = ear.kind, "d Eq. 22"
     theta, d = displaced
     W, o = ear.members[k].W, ear.position(k)
@@ -230,7 +230,7 @@ def member_displacement(
 def dependent_displacements(
     x: Scope, ear: EarGeometry, rates: Vector, lanes: bool = True
 ) -> dict[tuple[int, int], Value]:
-    """dq of dependent joints from displacements along their degrees of freedom; for a quaternion ``e (0, theta) / 2``."""
+    """dq of dependent joints from displacements along their degrees of freedom; for a quaternion e, ``e (0, theta) / 2``."""
     result: dict[tuple[int, int], Value] = {}
     values: dict[int, dict[int, Value]] = {}
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
@@ -244,7 +244,7 @@ def dependent_displacements(
 def cut_displacements(
     x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], complete: bool
 ) -> list[Twist]:
-    """Displacements of end faces relative to start faces; for complete seeds, dependent joints contribute to them."""
+    """Displacements of end faces relative to start faces; with `complete`, including those due to dependent joints."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:

@@ -79,8 +79,8 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 
 
 def _of_joint(ear: EarGeometry, c: int, share: Value, counted: bool) -> list[Condition]:
-    """Conditions of a loop joint. If `counted`, conditions on all three directions are along the region's axes; all
-    others are along axes of the faces."""
+    """Conditions of a loop joint, along axes of the faces. But if `counted`, and if all three directions are constrained,
+    they are along the region's axes."""
     closure = ear.kind.closures[c]
     if closure.is_coupling:  # a coupling's value is the first of three components, see `ears.couplings`
         return [Condition(c, True, [1, 0, 0])]
@@ -166,8 +166,8 @@ def components_along(
 
 
 def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
-    """Moment and force of a loop: multipliers times `along`, the directions of its conditions or the changes of these
-    directions."""
+    """Moment and force of loop c: the sum of multipliers times `along`, the directions of the loop's conditions or the
+    changes of these directions."""
     found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
     for row, value, n in zip(rows, multipliers, along, strict=True):
         if row.loop == c:

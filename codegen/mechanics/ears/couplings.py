@@ -37,8 +37,8 @@ def coupling_residual(ear: EarGeometry, c: int) -> Twist:
 
 
 def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
-    """Change of a coupling's residual with parameters and coordinates (dependent ones only for `complete` seeds). d Eq.
-    30."""
+    """Change of a coupling's residual along a direction, due to parameters, independent coordinates and, with `complete`,
+    dependent coordinates. d Eq. 30."""
     x, closure = ear.x, ear.kind.closures[c]
     total: Value = 0
     for j in range(closure.parameters):

@@ -1,7 +1,7 @@
 """Far links of a region: their positions and motions relative to the region's base, along the base's axes.
 
-A region that starts from several links hangs on one of them, its base, which carries it rigidly. The motions of the
-others relative to the base are sources of the region (`structure.Region.far`). The ground can be a far link. Fields of
+If a region starts from several links, one of them is its base, which carries it rigidly. The motions of the others (the
+far links) relative to the base are sources of the region (`structure.Region.far`). The ground can be a far link. Fields of
 the region: ``far0.W`` attitude, ``far0.o`` origin, ``far0.w`` and ``far0.v`` relative velocity, ``far0.aw``,
 ``far0.al``, ``far0.a``, ``far0.B`` motion relative to the ground.
 """

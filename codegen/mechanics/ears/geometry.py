@@ -33,7 +33,7 @@ class FixedVector:
     found, local : Vector
         In region and in link components.
     kept : (Store, VectorField) or None
-        Where its tangent is stored once the seeds are complete.
+        Where the tangent of the vector along complete seeds is stored.
     """
 
     place: int
@@ -50,7 +50,7 @@ class EarGeometry:
     x : Expansion or StructuralExpansion
     kind : EarKind
     fresh : bool
-        Attitudes are computed; otherwise they are loaded.
+        The block computes the attitudes of links; otherwise it loads them.
     positions : VectorField
         Positions of the roots.
 
@@ -156,7 +156,7 @@ class EarGeometry:
         return result
 
     def slip(self, c: int) -> Vector | None:
-        """Vector from the origin of the start face to that of the end face; None where they coincide."""
+        """Vector from the origin of the start face to that of the end face; None if the origins always coincide."""
         if not self.kind.closures[c].slides:
             return None
         a, b = (self.position_of_face(c, side) for side in (0, 1))
@@ -221,8 +221,8 @@ class EarGeometry:
         return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
 
     def coupled(self, c: int, values: Sequence[Vector], name: str, tag: str) -> Twist:
-        """Value of a coupling for given speeds or accelerations of joints, by link and degree of freedom; see
-        `ears.couplings`."""
+        """The sum of a coupling's factors times `values`, the speeds or accelerations of joints by link and degree of
+        freedom; see `ears.couplings`."""
         total: Value = 0
         for t, (k, j) in enumerate(self.kind.closures[c].terms):
             total = total + self.ratio(c, t) * values[k][j]

@@ -1,7 +1,7 @@
 """Motion of an ear's links with the sources at rest, and the force that it requires. Eqs. 18-24, 31, 38.
 
-The dependent joints have the accelerations that closure requires. Links outboard of the ear are computed along their
-own axes.
+The dependent joints have the accelerations that closure requires. For links outboard of the ear, motions are also stored
+along the axes of the ear's links.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
     """An inertia rotated by W: ``W J W^T``."""
     axis = None if x.structural else _axis_of_symmetry(J)
     if axis is not None:
-        # J = a (U - e e^T) + c e e^T, with the first bracket as sums of squares, so that nothing cancels in its entries
+        # J = a (1 - e e^T) + c e e^T; 1 - e e^T is computed as sums of squares, so that nothing cancels in its entries
         e = [W[i][axis] for i in range(3)]
         c, a = J[axis][axis], J[axis - 1][axis - 1]
         squares = [x.let("ee", v * v, tag) for v in e]

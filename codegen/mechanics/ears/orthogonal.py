@@ -68,7 +68,7 @@ class Factor:
         return self.combined(self.weights(g, name, tag, lanes), name, tag, lanes)
 
     def weights(self, g: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
-        """The weights of the columns of Q in the shortest ``w`` that satisfies ``E^T w = g``."""
+        """The weights v of the columns of Q for which ``w = Q v`` is the shortest solution of ``E^T w = g``."""
         z: Vector = []
         for j, column in enumerate(self.order):
             rest = g[column]
@@ -91,9 +91,9 @@ class Factor:
     def store(self, rows: list[int], count: int) -> FactorForm:
         """Store the factor in the ear's record; returns its form, for `load_factor`.
 
-        `rows` are the numbers of E's rows among all `count` conditions. Fields are named by these numbers and by
-        columns. On zero patterns all fields are stored: the statements may find more zeros than the patterns, which
-        changes the order of elimination.
+        `rows` are the numbers of E's rows among all `count` conditions. These numbers and those of columns are part of
+        the names of fields. On zero patterns all fields are stored, because the statements may find more zeros than the
+        patterns; the order of elimination then differs.
         """
         if self.x.structural:
             for j in range(len(self.order)):
@@ -129,7 +129,7 @@ def load_factor(x: Scope, form: FactorForm) -> Factor:
 
 
 def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
-    """The unit vector normal to n given orthonormal vectors in n + 1 dimensions, n at most 3."""
+    """The unit vector normal to the columns of `q`: n orthonormal vectors in n + 1 dimensions, n at most 3."""
     let = x.let
     if len(q) == 1:
         return [-q[0][1], q[0][0]]

@@ -58,10 +58,9 @@ from .tangents import EarTangents
 
 
 def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
-    """Add the force that a link requires for more acceleration: `rates` are accelerations of its joint, `before` is
-    that of its parent.
+    """Add the force that a link's inertia requires for a change of its acceleration, and return this change. Eqs. 19, 23.
 
-    Returns the added acceleration of the link. Eqs. 19, 23.
+    `before` is the change of its parent's acceleration, `rates` are the changes of its joint's accelerations.
     """
     A = moved_by(x, joint, before, rates, "d Eq. 19")
     force: Vector = list(x.load(MY_LANE, fields.needed))
@@ -78,8 +77,8 @@ def needed(x: Scope, kind: LinkKind) -> None:
 
 
 def ear_needed(x: Scope, kind: EarKind) -> None:
-    """Outward block over directions of an ear: tangents of required forces; in the balance, the sources' udot was
-    constant."""
+    """Outward block over directions of an ear: tangents of required forces, now including the change of the sources' udot,
+    which the balance held constant."""
     ear = EarGeometry(x, kind)
     added: list[Vector] = []
     for k, member in enumerate(ear.members):
@@ -203,8 +202,7 @@ def store_loop(
 def forces_at_faces(
     x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, lanes: bool = True
 ) -> tuple[list[Vector], list[RootForce]]:
-    """For each link of an ear, the force on it by given multipliers, or by changes of the multipliers; and the forces
-    on roots that have a face."""
+    """The forces of multipliers, or of changes of multipliers, on each link of an ear, and on the roots that have a face."""
     more: list[Vector] = [[0] * 6 for _ in ear.members]
     on_roots: list[RootForce] = []
     for c, closure in enumerate(ear.kind.closures):

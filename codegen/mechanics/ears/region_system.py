@@ -33,8 +33,8 @@ def unknowns(kind: RegionKind) -> int:
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
-    """For each partner, the index of its first component among all unknowns; for a partner that is the base, the first
-    of the base's own components."""
+    """For each partner, the index of its first component among all unknowns. If the base is a partner, its components
+    occur only once."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
         found.append(place_of_base(kind) if m == kind.partners.base else at)
@@ -43,7 +43,7 @@ def places_of_partners(kind: RegionKind) -> list[int]:
 
 
 def sum_fields(kind: RegionKind) -> list[AnyField]:
-    """Sums of contributions of the ears of a region."""
+    """The fields in which a region sums the contributions of its ears."""
     sources = range(kind.total)
     found: list[AnyField] = [fields.source_inertia(c, d) for c in sources for d in range(c, kind.total)]
     found += [fields.source_force(c) for c in sources]
@@ -128,8 +128,8 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
 
 
 def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
-    """Store the terms of the forces along prescribed sources: entries of g, and entries of Q for unknowns that are
-    known before the region's own."""
+    """Store the terms of the forces along prescribed sources: entries of g, and the entries of Q for accelerations that
+    back substitution knows before those of the sources."""
     for c in kind.locked:
         x.store(REGION, fields.source_driving_rest(c), g[c])
         for i in range(kind.sources, len(g)):

@@ -1,12 +1,12 @@
-"""Roots of an ear: the links on which its links and faces hang, with their positions, motions and forces.
+"""Roots of an ear: the links that carry the ear's links and faces, with their positions, motions and forces.
 
-A root is one of four: the *frame* of the region (its base, along whose axes everything is given); the *ground*, if the
+A root is one of four: the *frame* of the region (its base, whose axes all vectors use); the *ground*, if the
 base is a link; a *link of the region*, which belongs to an earlier ear; or a *far link* (see `far_links`). An ear
 reads the same quantities of every root: attitude, position, motion per unit of a source, velocity, accelerations,
 displacements and Newton's step. It also adds forces to the roots. Vectors are along the region's axes, relative to its
 base, unless a method says otherwise.
 
-Displacements along directions are passed on in slots while seeds are completed; `kept` displacements stay in lanes.
+While seeds are completed, displacements along directions are in slots; `kept` displacements are those stored in lanes.
 """
 
 from __future__ import annotations
@@ -111,14 +111,13 @@ class Root(ABC):
             add_to_sum(self.x, REGION, self.sums[0], force, "to_root", "Eq. 45")
 
     def receive_own(self, force: Vector, tangent: Vector) -> None:
-        """Add a moment and a force along the root's own axes, and their tangent, to the region's sum; compare
-        `receive`."""
+        """Add a moment and a force on the root, along the root's own axes, and their tangent, to the region's sums."""
         for i in SIX if self.needs_force else ():
             self.x.store(REGION.sum, self.sums[0].scalars()[i], force[i])
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 
     def receive_along(self, tangent: Vector) -> None:
-        """Add six components over directions, along the root's own axes, to the region's sum."""
+        """Add a moment and a force over directions, along the root's own axes, to the region's sum."""
         for i in SIX if self.needs_force else ():
             self.x.store(LREGION.sum, self.sums[1].scalars()[i], tangent[i])
 

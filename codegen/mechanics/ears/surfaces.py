@@ -1,10 +1,10 @@
-"""Conditions on points: a function of the end's position in the start face is zero. Section 4.12 of the theory page.
+"""Conditions on points: a function f of the end's position in the start face is zero. Section 4.12 of the theory page.
 
-With s the position in the start face, F its axes and n = F grad f, the condition is linear like those of sliding joints,
-``n . (velocity of the end relative to the start face) = 0``, but n moves along the surface: accelerations contain ``v . H v``
-as well. A distance is ``(r . r - l^2)/2 = 0``, r the vector between the points, and needs no axes of a face. Rows are
-divided by the length of the gradient at the present state. This factor is held along directions, since it multiplies
-residuals of zero.
+Let s be the position in the start face, F the axes of this face, and n = F grad f. In velocity the condition is ``n . v = 0``,
+with v the velocity of the end relative to the start face, as for a sliding joint. But n changes along the surface, so
+accelerations also contain ``v . H v``, H the Hessian of f. A distance l is the condition ``(r . r - l^2)/2 = 0``, r the vector
+between the points. Rows are divided by the length of the gradient. Along directions this divisor is constant, since it
+divides residuals of zero.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from ..structure.surface_forms import SurfaceForm, part_number
 from .geometry import EarGeometry
 
 TINY = 1e-200
-"""Number added to the square of a gradient: a vanishing gradient then gives a row of zeros, which is reported, not a
-division by zero."""
+"""Number added to the square of a gradient, so that a vanishing gradient gives a row of zeros, which is reported, instead
+of a division by zero."""
 
 DIRECTED = 1e-16
 """Smallest squared distance from a zero of the gradient, in squared characteristic lengths; at smaller distances, the
@@ -104,7 +104,7 @@ class SurfaceCondition:
         return share
 
     def check_direction(self, entry: int) -> bool:
-        """Check that a gradient that may vanish has a direction; returns whether the check was needed."""
+        """If the gradient may vanish, write the check that it has a direction; returns whether it may vanish."""
         x = self.x
         if self.is_distance:
             bend: Value = 1
@@ -122,7 +122,7 @@ class SurfaceCondition:
         return True
 
     def curvature(self, v: Vector) -> Value:
-        """Second derivative along a velocity relative to the start face, along region axes."""
+        """Second derivative of the function along v, a relative velocity to the start face along region axes: ``v . H v``."""
         if self.is_distance:
             return dot(v, v)
         own = self._own(v, "vs")
@@ -133,7 +133,7 @@ class SurfaceCondition:
         return self.x.let("vhv", total, "Eq. 31")
 
     def by_parameters(self) -> Value:
-        """Change of the function with parameters alone along a direction, with the point held in the face. d Eq. 30."""
+        """Change of the function along a direction, due to parameters in its formula; the point is held. d Eq. 30."""
         total: Value = 0
         x = self.x
         for j in range(self.ear.kind.closures[self.c].parameters):

@@ -1,4 +1,4 @@
-"""Tangents of an ear's statements: vectors fixed in a link rotate with it, everything else follows by derivative primitives.
+"""Tangents of an ear's statements. Vectors fixed in a link rotate with it; all other values are differentiated one by one.
 
 A direction rotates a link by a rotation vector theta (along region axes). A vector v fixed in the link changes by ``theta x v``,
 plus the change of its components with design parameters. This takes three numbers, not nine for each rotation matrix.
@@ -22,7 +22,7 @@ from .geometry import EarGeometry
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
-    """Tangents by symbol, for values that are symbols, negated symbols or numbers; none on zero patterns."""
+    """Maps symbols to their tangents. `values` are symbols, negated symbols or numbers; on zero patterns, the map is empty."""
     found: dict[Symbol, Value] = {}
     for value, moved in zip(values, tangents, strict=True):
         if isinstance(value, Symbol):
@@ -46,7 +46,7 @@ def ear_tangents(
     ----------
     ear : EarGeometry
     angles : dict of int to Vector
-        Rotation vectors (lanes) of links, and of roots by negative places.
+        Rotation vectors along directions, of links (keys 0, 1, ...) and of roots (negative keys).
     roots : dict of Symbol to value
         Tangents of the values that the block loads from its roots; see `tangents_of`.
     dq : dict of (int, int) to value
@@ -76,9 +76,9 @@ class EarTangents:
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
     def correct(self, found: list[tuple[Vector, Vector]]) -> None:
-        """Add later results to the tangents of named values, and recompute the tangents of values that depend on these.
+        """Add terms to the tangents of named values, and recompute the tangents of values that depend on them.
 
-        A value that several links share is corrected once.
+        `found` lists vectors of values, each with the terms to add. A value that occurs more than once is corrected once.
         """
 
     def give(self, v: Vector, tangents: Vector) -> None:

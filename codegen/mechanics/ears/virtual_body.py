@@ -86,8 +86,8 @@ def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
 
 
 def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector]:
-    """Along region axes and about the link's origin: the inertia of a link with everything that it carries, and the
-    force that its motion requires."""
+    """The inertia of a link with everything that it carries, and the force that its motion requires, along region axes and
+    about the link's origin."""
     member = ear.members[k]
     m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
     H = skew(x.load(ME[k], fields.ear_first_moment))
@@ -122,7 +122,7 @@ def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
 
 
 def couplings_of_ear(x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value], K: dict[int, Vector]) -> None:
-    """Couplings of an ear's links in terms of the sources of its region: inertia, or couplings of the region. Eq. 40."""
+    """Convert couplings of an ear's links to its region's sources: to inertia (Q, and K with the base) and couplings. Eq. 40."""
     kind, tag = ear.kind, "Eq. 40"
     found: dict[tuple[int, int, int], Value] = {}
     for n, (j, other) in enumerate(kind.partners.between):

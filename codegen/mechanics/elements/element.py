@@ -188,8 +188,8 @@ class Element:
         return self._known[j]
 
     def turned(self, angle: Value) -> Value:
-        """An angle, shifted by whole turns to lie within half a turn of the angle held as its mode, so that it does
-        not jump."""
+        """An angle plus a number of whole turns, so that it differs by at most half a turn from the mode of its switch.
+        During an integration step the mode is constant, so the angle does not jump."""
         return self.let("turned", self.x.call("held_turn", angle, self._mode))
 
     @property

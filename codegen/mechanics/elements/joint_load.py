@@ -9,7 +9,7 @@ from .element import Element, Law, Wrench
 
 
 class JointLoadLaw(Law):
-    """A force through the body's origin, and a torque; the parent gets the opposite wrench about the same point."""
+    """A force on the body through its origin, and a torque; the opposite wrench, about the same point, acts on the parent."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
         body, joint = e.ends[:2]

@@ -46,7 +46,8 @@ class TorsionLaw(Law):
 
     @staticmethod
     def _turn(e: Element, directed: bool = True) -> tuple[tuple[Value, Value, Value], tuple[Vector, ...]]:
-        """Sine and cosine times the same positive factor, the square of that factor, and the base vectors across the axis."""
+        """Sine and cosine of the angle, both times the same positive factor; the square of that factor; and the base vectors
+        across the axis."""
         i, j = (e.axis + 1) % 3, (e.axis + 2) % 3
         (x_s, y_s), (x_e, y_e) = ((base[i], base[j]) for base in (transpose(end.axes) for end in e.ends))
         sine = e.let("sine", dot(x_e, y_s) - dot(x_s, y_e))

@@ -20,8 +20,8 @@ from .link_joint import LinkJoint, Primitives
 
 
 class Axial(LinkJoint):
-    """A joint that rotates about its axis by the coordinate `angle` (None: no rotation) and, if it `slides`, slides
-    along it by `shift`."""
+    """A joint that rotates about its axis by the coordinate number `angle` (None: no rotation) and, if it `slides`, slides
+    along its axis by the distance `shift`."""
 
     slides: ClassVar[bool] = False
 

@@ -49,20 +49,20 @@ class Column:
         return total
 
     def squares_along(self, scales: Sequence[Value]) -> Value:
-        """``s . diag . s``; the diagonal holds one number for angular and one for linear components."""
+        """``s . D s`` with a diagonal matrix D; `scales` are its entry for angular and its entry for linear components."""
         total = scales[self.lead // 3]
         for i, s in self.others.items():
             total = total + s * s * scales[i // 3]
         return total
 
     def completed(self, v: Vector, along: Value = 0) -> Value:
-        """The leading component of v, from ``s . v`` and the other components of v."""
+        """The leading component of v that makes ``s . v`` equal to `along`, given the other components of v."""
         for i, s in self.others.items():
             along = along - s * v[i]
         return along
 
     def remaining(self, x: Scope, i: int, v: Vector, lanes: bool) -> Value:
-        """Component i of ``v - s v_lead``, named if it differs from component i of v."""
+        """Component i of ``v - s v_lead``; it gets a name in the code unless it equals component i of v."""
         if i not in self.others:
             return v[i]
         return x.let("rest", v[i] - self.others[i] * v[self.lead], "Eq. 53", lanes=lanes)

@@ -38,7 +38,7 @@ class Driven(Axial):
     driven: ClassVar[bool] = True
 
     def known(self, order: int) -> Value:
-        """The coordinate, its rate or its acceleration (`order`); the number 0 if the value is zero in every state."""
+        """The coordinate (`order` 0), its rate (1) or its acceleration (2); the number 0 if this is zero in every state."""
         return self.x.entry(MOTION, order) if self.kind.moves[order] else 0
 
     def change(self) -> Value:

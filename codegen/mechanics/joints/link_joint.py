@@ -1,8 +1,9 @@
 """The interface of a link's joint to the sweeps.
 
 A link has one joint, whose partial velocities are constant along the link's axes. The joint of a body becomes one link or
-several (`structure/links.py`). The class of a joint writes the statements that take vectors and inertias across it and add its
-velocities and accelerations. It also gives the derivatives of its sines, cosines and rotation matrix.
+several (`structure/links.py`). The class of a joint writes the statements that convert vectors and inertias between the axes of
+link and parent, and that add the joint's velocities and accelerations. It also provides the derivatives of the joint's sine,
+cosine and rotation matrix.
 
 The constant rotation ``R`` leads from the joint's frame at q = 0 to the parent's frame. It is mostly the identity.
 """
@@ -191,16 +192,15 @@ class LinkJoint(ABC):
         return J, H, M
 
     def _behind(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components, on the link's side of the joint, of a vector given on the parent's side."""
+        """Components of a vector along the link's axes, from those along the axes of the joint's frame at q = 0."""
         return v
 
     def _before(self, v: Vector, name: str, tag: str) -> Vector:
-        """Components, on the parent's side of the joint, of a vector given on the link's side."""
+        """Components of a vector along the axes of the joint's frame at q = 0, from those along the link's axes."""
         return v
 
     def _inertia_before(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
-        """Blocks of an inertia along the axes on the parent's side of the joint, given along those on the link's
-        side."""
+        """Blocks of an inertia along the axes of the joint's frame at q = 0, from those along the link's axes."""
         return J, H, M
 
     # -- motion ----------------------------------------------------------------------------------------------------
@@ -215,7 +215,8 @@ class LinkJoint(ABC):
 
     @abstractmethod
     def bias(self, carried: Vector) -> tuple[Vector, Vector]:
-        """Angular and linear acceleration due to the joint with udot = 0, for the parent's angular velocity. Eqs. 20, 21."""
+        """Angular and linear acceleration due to the joint with udot = 0; `carried` is the parent's angular velocity along the
+        link's axes. Eqs. 20, 21."""
 
     def bias_change(self, change: Vector) -> tuple[Vector, Vector]:
         """Change of `bias` due to a change of the parent's angular velocity; by default `bias` is linear in that

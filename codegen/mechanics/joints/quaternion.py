@@ -24,7 +24,7 @@ class QuaternionJoint(LinkJoint):
 
     @cached_property
     def matrix(self) -> Matrix:
-        """Rotation matrix of the quaternion: components on the parent's side of the joint from those along the link's axes."""
+        """Rotation matrix of the quaternion: components along the joint's frame at q = 0 from those along the link's axes."""
         return self.x.load(ME, fields.quaternion_matrix)
 
     def _turned(self, W: Matrix) -> Matrix:

@@ -15,8 +15,7 @@ from .records import Records, expressions_of, grounded
 
 
 def mass_properties(output: Output, system: System) -> Sequence[Expression]:
-    """Masses and mass centres of the bodies of an output; of the bodies fixed to the ground if the output names
-    none."""
+    """Masses and mass centres of the bodies that an output names. If it names none: those of bodies fixed to the ground."""
     bodies = output.bodies or grounded(system)
     found = [] if output.bodies else expressions_of(system, bodies)
     for k in bodies:
@@ -51,7 +50,7 @@ def center_of_mass(records: Records, output: Output) -> Value:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """Names of the sums over all links that the output reads; none if the output is about selected bodies."""
+    """Names of the sums over all links that the output reads; none if the output names bodies."""
     return () if output.bodies else ("masses",)
 
 

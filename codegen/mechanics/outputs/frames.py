@@ -1,7 +1,7 @@
 """Frames of all bodies: pose, velocity and acceleration in the ground frame, without outputs in the model.
 
-A body is placed in its link by numbers that are data, as for outputs, so bodies on links of one kind share a block. The velocity
-of the link comes from the sweep for force elements, which computes no kinetic energy.
+The position of a body in its link is data of the generated code, as for outputs, so bodies on links of one kind share a block.
+The velocity of the link comes from the sweep for force elements, which computes no kinetic energy.
 """
 
 from __future__ import annotations

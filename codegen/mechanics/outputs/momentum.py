@@ -15,7 +15,8 @@ from .records import Records
 
 
 def momentum(records: Records, output: Output) -> Value:
-    """``n . P``; ``n . L``, L about the ground's origin; or ``n . (L - c x P)``, c the centre of mass."""
+    """Linear momentum ``n . P``; angular momentum ``n . L`` about the ground's origin; or ``n . (L - c x P)`` about the
+    centre of mass c."""
     kind, about = output.choice
     n = records.direction(output.axis)
     linear, angular = records.momenta()
@@ -32,7 +33,7 @@ def about_center(output: Output) -> bool:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """The sums that the output reads: the centre of mass only if L is about it."""
+    """The sums over links that the output reads: those of masses only for momentum about the centre of mass."""
     return ("masses",) if about_center(output) else ()
 
 

@@ -40,8 +40,8 @@ def pivoted_outputs(model: Model) -> list[str]:
 
 
 def output_formulas(system: System) -> tuple[list[Formula], list[Formula]]:
-    """Outputs as formulas of the state or as formulas over records. Outputs that are energies are copied by
-    procedures."""
+    """The outputs of the model: those that are formulas of the state, and those that read records. Outputs that are
+    energies are missing, since procedures copy them."""
     model = system.model
     values: list[tuple[int, Tree]] = []
     found = RecordFormulas(system, "outputs", "an output of the model")
@@ -106,8 +106,8 @@ class RecordFormulas:
 
 
 def record_formula(write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str) -> Formula:
-    """A formula over the records of links, without rows: it stores the values that `write` returns in consecutive
-    entries."""
+    """A formula that reads records of links, as yet without rows. It stores the values that `write` returns in
+    consecutive entries."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     for i, e in enumerate(write(x, False)):
         x.set_entry(argument(target), i, e)

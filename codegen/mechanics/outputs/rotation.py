@@ -2,9 +2,9 @@
 
 The rotation matrix R gives all products of two components of the quaternion e: ``K = 4 e e^T`` is linear in R. Let d be
 the largest diagonal entry of K. The row of K that contains d is ``2 sqrt(d) e`` up to sign. Since d is at least 1, no
-square root is taken near zero. The sign makes qw positive; where qw is zero, after half a turn, the sign of the row
-remains. Derivatives are exact on either side of half a turn. At half a turn, the quaternion jumps to its negative, and
-the derivative is that of the side whose sign is chosen.
+square root is taken near zero. The sign is chosen so that qw is positive; if qw is zero (half a turn), the sign of the row
+is kept. At half a turn the quaternion jumps to its negative; the derivative there is that of the side with this sign.
+Everywhere else derivatives are exact.
 """
 
 from __future__ import annotations

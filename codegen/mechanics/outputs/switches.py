@@ -66,7 +66,7 @@ class _Slots(FormulaSlots):
 
 
 def _turn(system: System, switch: Switch, index: int) -> Formula:
-    """The angle of a torsion spring, shifted by whole turns to lie within half a turn of its mode (`elements.torsion`)."""
+    """The angle of a torsion spring, plus whole turns so that it is within half a turn of its mode (`elements.torsion`)."""
     (element,) = (e for e in system.elements if e.element.name == switch.element)
     axis = element.axis.index
     mode: Tree = ("name", f"{MODE}{switch.number}")
@@ -110,7 +110,8 @@ def _ends(system: System, switch: Switch, index: int) -> Formula:
 
 
 def _sine_and_cosine(x: Expansion, bases: Sequence[Matrix], axis: int) -> tuple[Value, Value]:
-    """Sine and cosine of the rotation between two faces about an axis, times one factor; rows of `bases` are base vectors."""
+    """Sine and cosine of the rotation between two faces about an axis, both times the same factor. The rows of `bases` are
+    base vectors of the faces."""
     (x_s, y_s), (x_e, y_e) = ((base[(axis + 1) % 3], base[(axis + 2) % 3]) for base in bases)
     return x.let("sine", dot(x_e, y_s) - dot(x_s, y_e)), x.let("cosine", dot(x_s, x_e) + dot(y_s, y_e))
 
@@ -119,8 +120,8 @@ def _of_faces(
     system: System, switch: Switch, index: int, element: PlacedElement,
     write: Callable[[Expansion, Sequence[Matrix], Callable[[Tree], Tree]], Value], title: str,
 ) -> Formula:  # fmt: skip
-    """A switching function of base vectors of two faces of a force element, one of which lies along the element's
-    axis."""
+    """A switching function that depends on base vectors of two faces of a force element. One base vector of each face is
+    the element's axis."""
     axis = element.axis
     faces = [face for face in element.element.ends if isinstance(face, Face)]
     output = Output(f"switch_{switch.number}", "rotation", bodies=tuple(face.body for face in faces))

@@ -103,8 +103,8 @@ def without_motions(found: tuple[Procedure, ...], functions: Collection[str] | N
 
 
 def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The given functions, plus the switching functions if motions need them; functions that depend on modes take modes
-    as an argument."""
+    """The given functions, and the switching functions if motions need them. Functions that depend on the modes of
+    switches get an argument for these modes."""
     names = {p.name for p in found}
     if not w.system.model.switches.found or "state_rates" not in names:
         return found

@@ -57,9 +57,9 @@ NEEDED = {
     "point_places": {"frames", "frame_sensitivities"},
     "point_place_sensitivities": {"frame_sensitivities"},
 }
-"""Functions that are included together with other functions, because these are useless without them. For instance, a
-motion of closed loops must close the loops, and the derivative of a motion needs the derivative of the initial
-state."""
+"""For each function or group, further functions that are included with it, because it is useless without them. For
+instance, a motion of closed loops must close the loops, and the derivative of a motion needs the derivative of the
+initial state."""
 
 
 REACTIONS = ("reactions", "reaction_sensitivities")

@@ -62,7 +62,7 @@ def closing(w: Shared) -> list[Procedure]:
 
 
 def _completing(w: Shared) -> list[Procedure]:
-    """Dependent speeds, dependent entries of seeds, and the residuals in position that complete seeds leave."""
+    """Functions that compute dependent speeds, dependent entries of seeds, and the position residuals along seeds."""
     u, full_u, dfull_q, dfull_u, dq, du = w.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
     position, velocity, dposition = w.of("position", "velocity", "dposition")
     state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(f"d{name}" for name in w.p))

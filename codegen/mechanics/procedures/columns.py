@@ -1,4 +1,4 @@
-"""Matrices of trees with all columns at once: derivatives by the state and by joint forces, and mass matrices.
+"""Matrices of trees, all columns at once: derivatives with respect to the state and joint forces, and mass matrices.
 
 With force elements or loops each column depends on all links, so such models compute columns one after the other.
 """
@@ -19,7 +19,7 @@ MOST_LINKS = 256
 memory."""
 
 LEAST_COLUMNS = 12
-"""Least number of columns for which there is memory, since other functions over directions use the same memory."""
+"""Memory is reserved for at least this many columns, since other functions over directions use the same memory."""
 
 Entries = tuple[tuple[Array, int], ...]
 
@@ -31,14 +31,14 @@ def applies(system: System) -> bool:
 
 
 def room(system: System) -> int:
-    """Number of columns for which there is memory: those of the whole state, rounded up to a multiple of four, within
-    the limits above."""
+    """Number of columns for which memory is reserved: one per coordinate and speed, rounded up to a multiple of four,
+    within the limits above."""
     model = system.model
     return max(LEAST_COLUMNS, min(-(-(model.nq + model.nu) // 4) * 4, MOST_COLUMNS))
 
 
 def by_link(system: System, *of: tuple[Array, str]) -> tuple[Entries, tuple[int, ...]]:
-    """Entries of arrays in the order of links, and where the entries of each link begin.
+    """The entries of arrays, sorted by link, and the index at which the entries of each link begin.
 
     `of` lists arrays, each with "q" if it has an entry for each coordinate, or "u" for each speed.
     """
@@ -60,8 +60,8 @@ def _columns(
     weighted: tuple[Weighted, ...] = (),
     symmetric: bool = True,
 ) -> AllColumns:
-    """Columns of matrices: `seeds` maps each seed to "q" or "u" (see `by_link`) and to the matrix of its columns, if
-    there is one."""
+    """The step that computes columns of matrices. `seeds` maps each seed to "q" or "u" (see `by_link`) and to the matrix
+    that receives its columns, or None."""
     units, starts = by_link(w.system, *((array, what) for array, (what, _) in seeds.items()))
     return AllColumns(
         units,
@@ -94,8 +94,8 @@ UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "colum
 
 
 def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
-    """Contribution of joint forces to the derivatives of udot: the inverse mass matrix times the derivatives of the
-    forces."""
+    """The step that computes the contribution of joint forces to the derivatives of udot: the inverse mass matrix times
+    the derivatives of the forces."""
     return _columns(w, {w.one("b").tangent("b"): ("u", None)}, UNIT_FORCES, w.one("dudot"), weighted)
 
 
@@ -111,9 +111,9 @@ def mass(w: Shared) -> AllColumns:
 
 
 def force_primitives(w: Shared) -> Primitives | None:
-    """Derivatives of joint forces with respect to coordinates, speeds and inputs, with few directions.
+    """The step that computes derivatives of joint forces with respect to coordinates, speeds and inputs.
 
-    Several arguments share a direction if no force reads two of them. Returns None if there are too few directions.
+    Arguments share a direction if no force reads two of them. Returns None if there are still too few directions.
     """
     model, system = w.system.model, w.system
     places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}

@@ -25,8 +25,8 @@ def dynamics(w: Shared) -> list[Procedure]:
 
 
 def jacobians(w: Shared) -> Procedure:
-    """Partial derivatives of udot. For trees, all columns by the state are computed at once, and other columns in
-    groups of directions."""
+    """The function for partial derivatives of udot. For trees, all columns for coordinates and speeds are computed at
+    once, and other columns in groups of directions."""
     dudot = w.one("dudot")
     free = dict(zip(("q", "u"), w.system.independent, strict=True)) if w.loops else {}
     seeds = {n: w.one(f"d{n}") for n in w.state}

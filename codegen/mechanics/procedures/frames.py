@@ -9,8 +9,8 @@ from .words import FRAME_ACCELERATIONS, FRAMES, PLACES
 
 
 def frames_of(w: Shared) -> list[Procedure]:
-    """Poses and velocities (without forward dynamics), accelerations (with it), and positions of points, each with
-    derivatives."""
+    """Functions for poses and velocities (without forward dynamics), accelerations (with it), and positions of points,
+    and for their derivatives."""
     values, tangents = w.measuring([POSE, VELOCITY], w.begin, (*w.along, *w.turns))
     accelerated, accelerated_along = w.measuring([POSE, ACCELERATION], w.solved, w.solved_along)
     found = [

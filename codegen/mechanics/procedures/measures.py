@@ -83,8 +83,8 @@ def _steps(
 ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
     """Steps for formulas over quantities, without and with tangents.
 
-    With `driven` the steps also compute forces of prescribed motion, with `energetic` also energies, which are zero where no
-    quantity adds to them.
+    With `driven` the steps also compute forces of prescribed motion. With `energetic` they also compute energies; an energy to
+    which no quantity adds is zero.
     """
     sums = [w.one("energy")] if energetic or any(q.energy for q in quantities) else []
     sums += [w.one(name) for q in quantities for name in q.sums]
@@ -116,8 +116,8 @@ def driving_forces(w: Shared) -> list[Procedure]:
 
 
 def reactions_of(w: Shared) -> list[Procedure]:
-    """Reactions of joints and loops. The derivatives of reactions need the derivatives of udot and two further sweeps
-    over directions."""
+    """Functions for the reactions of joints and loops. Derivatives of reactions need the derivatives of udot and two more
+    sweeps over directions."""
     names = ["reaction", *(["loop_reaction"] if w.loops else [])]
     wrenches = w.of(*names)
     poses, turned = w.measuring([POSE], w.solved, w.solved_along)

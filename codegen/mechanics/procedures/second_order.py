@@ -38,10 +38,10 @@ from .words import OTHER_WIDTHS
 
 HESSIAN_PRODUCTS = "hessian_products"
 INVERSE_DYNAMICS_PRODUCTS = "inverse_dynamics_hessian_products"
-"""The functions, which are included only on request."""
+"""The functions of this file; they are included only on request."""
 GRADIENT_TANGENTS = "gradient_tangents"
-"""The function that motions call instead of `HESSIAN_PRODUCTS`: weights have tangents, the tangents of udot are given,
-and results include the gradient."""
+"""The function that motions call instead of `HESSIAN_PRODUCTS`. Tangents of the weights and of udot are arguments, and
+the gradient is a result."""
 
 
 def hessian_products(w: Shared, motion: bool = False) -> Procedure:
@@ -102,7 +102,7 @@ def hessian_products(w: Shared, motion: bool = False) -> Procedure:
 
 
 def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
-    """The given functions, and those that only Hessian products of motions call."""
+    """The given functions, and others that Hessian products of motions call."""
     names = {p.name for p in found}
     if {HESSIAN_PRODUCTS, "state_rates"} <= names:
         stored = [w.one(f"g{n}") for n in w.state]  # by sweeps that all these functions run
@@ -117,7 +117,7 @@ def of_motions(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]
 
 
 def with_arrays(found: tuple[Procedure, ...], arrays: list[Array], names: set[str]) -> tuple[Procedure, ...]:
-    """The given functions, of which the named functions also have arrays of zeros."""
+    """The given functions; those with one of the `names` also get the `arrays`, which are set to zero."""
     places = tuple(step for a in arrays for step in (Own(a), Zero(a)))
     return tuple(replace(p, steps=(*places, *p.steps)) if p.name in names else p for p in found)
 
@@ -190,4 +190,4 @@ SECOND_ORDER: Mapping[str, tuple[Callable[[Shared], str], Callable[[Shared], Pro
     RATE_PRODUCTS: (lambda w: "", rate_products),
     ASSEMBLY_PRODUCTS: (lambda w: "" if w.loops else "loops, and this model has none", assembly_products),
 }
-"""For each function: what a model lacks for it, or "", and the procedure."""
+"""For each function: a callable that returns what the model lacks for it, or "", and one that makes the procedure."""

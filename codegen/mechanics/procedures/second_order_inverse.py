@@ -1,8 +1,8 @@
 """Products with second derivatives of the inverse dynamics of models with loops; see `codegen.mechanics.second_order`.
 
-The forces are those along independent speeds, with udot that meets the conditions of the loops. The Lagrangian is that of
-forward dynamics (`second_order_loops`) without ``w . udot``: z has the weights as its independent entries, and udot the
-given accelerations. The dependent entries of both follow from the conditions, and the other multipliers as before.
+The results are the forces along independent speeds, if udot satisfies the conditions of the loops. The Lagrangian is that of
+forward dynamics (`second_order_loops`) without ``w . udot``. The weights are the independent entries of z, and the given
+accelerations those of udot. The dependent entries of both follow from the conditions, and the other multipliers as there.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ GIVEN = run("given_accelerations")
 
 
 class GivenAccelerations(WithLoops):
-    """The steps; `all_steps` gives them in their order."""
+    """The steps of `inverse_dynamics_products` for loops; `all_steps` returns them in the order in which they run."""
 
     def __init__(self, w: Shared):
         formulas = [*w.motions, *w.forces, *w.coefficients]
         super().__init__(w, formulas, [bar_of(w, f) for f in formulas])
         self.gap = w.one("position").called("acceleration_gap")
         self.dependent_speeds = self._dependent()[1]
-        """Entries of dependent speeds."""
+        """Indices of dependent speeds."""
         self.udot_gradient = self.udot_bar.tangent()
 
     def all_steps(self, weights: Array, gradient: dict[str, Array]) -> tuple[Step, ...]:
-        """`gradient`: the results, by the name of the argument."""
+        """All steps of the function. `gradient`: the results, by the name of the argument that is differentiated."""
         w, negative = self.w, weights.called("negative_weights")
         self.by_udot = gradient["udot"]
         return (
@@ -60,13 +60,13 @@ class GivenAccelerations(WithLoops):
         )
 
     def _independent(self, array: Array) -> list[Step]:
-        """Zeros for the dependent entries of an array over speeds."""
+        """The step that sets the dependent entries of an array of speeds to zero."""
         return [ZeroEntries(array, self.dependent_speeds)] if self.dependent_speeds else []
 
     # -- values ----------------------------------------------------------------------------------------------------
 
     def values(self, first: Iterable[Step] = ()) -> list[Step]:
-        """Dependent accelerations; then motions, forces and wrenches of the tree with the loops cut."""
+        """Steps for dependent accelerations; then for motions, forces and wrenches of the tree with the loops cut."""
         side, rates = self.gap.called("acceleration_gap_side"), self.udot.called("no_rates")
         change = self.udot.called("udot_change")
         return [
@@ -86,7 +86,7 @@ class GivenAccelerations(WithLoops):
         ]
 
     def _virtual_motion(self, weights: Array, virtual: Array, solved: Array) -> list[Step]:
-        """The virtual motion, whose independent entries are given, and its multipliers."""
+        """Steps for the virtual motion, whose independent entries are given, and for its multipliers."""
         gap_side, found = self.multiplier.called("no_gap"), ((self.dudot, virtual), (self.found, solved))
         right = ((self.right, weights), (self.gap_right, gap_side))
         return [Own(gap_side), Zero(gap_side), Single(self.solution, right, found)]
@@ -98,7 +98,7 @@ class GivenAccelerations(WithLoops):
         return (*GIVEN, *run("response_multipliers"))
 
     def _found_along(self, given: tuple[Array, ...]) -> list[Step]:
-        """Tangents of the arguments of the inverse dynamics, with those of the dependent accelerations."""
+        """Steps for the tangents of all arguments of the inverse dynamics, dependent accelerations included."""
         w, found, change = self.w, self.dudot.called("found_dudot"), self.dudot.called("dudot_change")
         side, gap_side, dgap = self.side.tangent(), self.gap_right.called("dgap_side"), self.gap.tangent()
         sweeps = [*(s for s in self.of_values if s not in WITH_WRENCHES), "acceleration_gaps"]

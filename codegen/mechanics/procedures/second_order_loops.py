@@ -46,16 +46,17 @@ POSES = ("rotations", "pose")
 """Sweeps on which all other sweeps depend."""
 
 KEPT, RESTORED = (Prepare(KEPT_ADJOINTS),), (Prepare(RESTORED_ADJOINTS),)
-"""Steps that copy the adjoints of links and loops, and steps that set the adjoints to this copy."""
+"""Steps that copy the adjoints of links and loops, and steps that copy them back."""
 
 WITH_WRENCHES = ("clear_wrenches", "wrenches", "tree_forces")
 
 
 class WithLoops:
-    """The steps; `adjoints` and `along` give them in their order.
+    """The steps for the Hessian of ``w . udot`` in models with loops; `adjoints` and `along` return them in running order.
 
     The Lagrangian is ``w . udot + z . (r + E^T W) + y . (acceleration conditions) + n . (velocity conditions) + k . (position
-    conditions)``: z and y make it stationary in udot and W, n in the dependent speeds, k in the dependent coordinates.
+    conditions)``. Multipliers z and y make it stationary in udot and the wrenches W, n in dependent speeds, k in dependent
+    coordinates.
     """
 
     def __init__(
@@ -67,10 +68,10 @@ class WithLoops:
         of: str = "",
         driving: bool = False,
     ):
-        """`ends`: results for the gradient by each argument, if the function has them.
+        """`ends`: result arrays for the gradient with respect to each argument; empty if the gradient is no result.
 
-        `of`: appended to the names of the routines. If it is given, gradients and adjoints of formulas begin with
-        contributions of outputs. `driving`: whether forces of prescribed motion have weights.
+        `of`: suffix of the names of the routines. If it is not empty, contributions of outputs to gradients and to adjoints
+        of formulas have been computed before. `driving`: whether forces of prescribed motion have weights.
         """
         self.w, self.formulas, self.bars, self.ends = w, formulas, bars, ends
         self.of, self.driving = of, driving
@@ -93,7 +94,7 @@ class WithLoops:
         self.gap_right = position.tangent("gap_b")
         self.gaps = [position.called(f"{name}_bar") for name in ("acceleration_gap", "rate_gap", "gap")]
         self.gradient = dict(zip(w.state if ends else ("q", "u"), w.of(*(f"g{n}" for n in w.state)), strict=False))
-        """Arrays to which adjoints add, besides those of formulas, by the name of the argument."""
+        """Arrays to which adjoints of blocks add, by the name of the argument; those of formulas are not among them."""
         self.gq, self.gu = self.gradient["q"], self.gradient["u"]
         self.udot_bar = self.udot.called("udot_bar")
         self.multiplier_bar = position.called("multiplier_bar")
@@ -111,11 +112,11 @@ class WithLoops:
     # -- values ----------------------------------------------------------------------------------------------------
 
     def adjoints(self, weights: Array, virtual: Array) -> list[Step]:
-        """Multipliers and adjoints for one vector of weights.
+        """Steps for the multipliers and adjoints of one vector of weights.
 
-        Adjoints of velocities and of poses add up from link to link. The sweeps that propagate them run before the
-        multipliers of conditions on velocities or positions are known, and once more with these multipliers, from a
-        copy of the adjoints.
+        Adjoints of velocities and of poses add up from link to link. The sweeps that propagate them run first without the
+        multipliers of conditions on velocities or positions, which follow from the result. Then the adjoints are reset
+        from a copy, and the sweeps run again with these multipliers.
         """
         force_bar = self.force_bar
         solved = self.multiplier.called("response_multiplier")
@@ -143,7 +144,7 @@ class WithLoops:
         ]
 
     def values(self, first: Iterable[Step] = ()) -> list[Step]:
-        """Motions, forces and wrenches of the tree with the loops cut, after some other steps."""
+        """The steps `first`, then steps for motions, forces and wrenches of the tree with the loops cut."""
         return [
             *map(Own, (self.multiplier, self.force, self.force_bar, self.side, self.along_coordinates, *self.gaps)),
             *run("multiplier_gains"),
@@ -158,14 +159,14 @@ class WithLoops:
         ]
 
     def _virtual_motion(self, weights: Array, virtual: Array, solved: Array) -> list[Step]:
-        """The virtual motion and its multipliers, for weights of udot and, with `driving`, of the wrenches."""
+        """Steps for the virtual motion and its multipliers, for weights of udot and, with `driving`, of the wrenches."""
         right, found = ((self.right, weights),), ((self.dudot, virtual), (self.found, solved))
         if self.driving:
             return [Single(RESPONSE, (*right, (self.gap_right, self.multiplier_bar)), found)]
         return [Single(VIRTUAL, right, found)]
 
     def _no_gradient(self) -> list[Step]:
-        """Zeros to which blocks add the gradient and the adjoints of formulas."""
+        """Steps that set the gradient and the adjoints of formulas to zero before blocks add to them."""
         return [
             *map(Own, self.bars),
             *(map(Bind, self.gradient.values(), self.ends) if self.ends else map(Own, self.gradient.values())),
@@ -173,25 +174,25 @@ class WithLoops:
         ]
 
     def _single(self, of: Array, to: Array) -> list[Step]:
-        """Multipliers that balance the forces `of` along the dependent degrees of freedom."""
+        """Steps for multipliers `to` that balance the forces `of` along the dependent degrees of freedom."""
         return [Combine(self.side, (), (of,)), Single(MULTIPLIERS, ((self.right, self.side),), ((self.found, to),))]
 
     def _back(
         self, which: str, sweeps: Iterable[str], before: tuple[Step, ...] = (), after: tuple[Step, ...] = ()
     ) -> Perform:
-        """Adjoints of some sweeps."""
+        """The step that runs the adjoints of some sweeps, between the steps `before` and `after`."""
         back = (Run(adjoint_name(s)) for s in reversed(self.sweeps) if s in sweeps)
         doc = f"Adjoints of the inverse dynamics and of the loops' conditions, up to {which}."
         return performed(f"adjoints_of_{which}{self.of}", doc, (*before, *back, *after))
 
     @property
     def kept(self) -> tuple[Step, ...]:
-        """Steps that copy the arrays `propagated`, before sweeps add to them that will run again."""
+        """Steps that copy the arrays `propagated` before the sweeps that run twice add to them for the first time."""
         return tuple(Copy(a.called(f"kept_{a.name}"), a) for a in self.propagated)
 
     @property
     def restored(self) -> tuple[Step, ...]:
-        """Steps that set the arrays `propagated` to these copies."""
+        """Steps that reset the arrays `propagated` from the copies."""
         return tuple(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated)
 
     def _formula_gradients(self) -> list[Step]:
@@ -218,9 +219,9 @@ class WithLoops:
     # -- along directions ------------------------------------------------------------------------------------------
 
     def along(self, gradient: tuple[Array, ...], given: tuple[Array, ...] = ()) -> list[Step]:
-        """Tangents of all multipliers and adjoints: the change of the gradient.
+        """Steps for the tangents of all multipliers and adjoints: the change of the gradient.
 
-        `given`: tangents of the weights, and tangents of udot, if they are arguments.
+        `given`: tangents of the weights and of udot, if they are arguments of the function.
         """
         coordinates, (_, *dgaps) = self.along_coordinates.tangent(), [a.tangent() for a in self.gaps]
         dgq, dgu = gradient[:2]
@@ -253,7 +254,7 @@ class WithLoops:
         ]
 
     def _no_gradient_along(self, gradient: tuple[Array, ...]) -> list[Step]:
-        """Zeros to which blocks add the tangents of the gradient and of adjoints of formulas."""
+        """Steps that set the tangents of the gradient and of adjoints of formulas to zero before blocks add to them."""
         return [] if self.of else [Zero(a) for a in (*gradient, *(a.tangent() for a in self.bars))]
 
     def _quadratic(self) -> tuple[Run, ...]:
@@ -264,7 +265,7 @@ class WithLoops:
         return tuple(Run(s, True) for s in names)
 
     def _values_along(self) -> tuple[Step, ...]:
-        """Tangents of values with the multipliers held, and of ``M z + E^T y`` and ``E z`` at fixed z and y."""
+        """Steps for tangents of values at fixed multipliers, and of ``M z + E^T y`` and ``E z`` at fixed z and y."""
         zero = tuple(Zero(a.tangent()) for a in (self.udot_bar, self.multiplier_bar))
         if self.w.elements:  # loads depend on velocities, and accelerations on loads
             names = [*map(along_name, self.of_values), *map(mass_name, self.of_mass)]
@@ -317,31 +318,31 @@ class WithLoops:
         ]
 
     def _found_along(self, given: tuple[Array, ...]) -> list[Step]:
-        """Complete directions, and the tangents of udot."""
+        """Steps that complete the directions and compute the tangents of udot."""
         w, found_dudot = self.w, self.dudot.called("found_dudot")
         if given:
             return [*w.along, Bind(self.dudot, found_dudot), w.seeded]
         return [*w.along, Own(found_dudot), Bind(self.dudot, found_dudot), w.balance]
 
     def _right_sides(self, given: tuple[Array, ...]) -> list[Step]:
-        """Right sides for the tangents of the virtual motion and of its multipliers."""
+        """Steps for the right sides of the equations for the tangents of the virtual motion and its multipliers."""
         of_mass, of_gaps = self.udot_bar.tangent(), self.multiplier_bar.tangent()
         side, gap_side = self.side.tangent(), self.gap_right.called("dgap_side")
         return [Combine(side, (), (of_mass, *given[:1])), Combine(gap_side, (), (of_gaps,))]
 
     @property
     def wrench(self) -> Array:
-        """Tangents of the wrenches' multipliers."""
+        """The array of the tangents of the loops' wrenches."""
         return self.multiplier.tangent("found_dmultiplier")
 
     def _solved(self, of: Array, to: Array) -> list[Step]:
-        """Tangents of multipliers that balance tangents of forces along the dependent degrees of freedom."""
+        """Steps for tangents of multipliers: those that balance tangents of forces along dependent degrees of freedom."""
         side = self.side.tangent()
         solution: list[Step] = [Combine(side, (), (of,)), Bind(self.right, side), Bind(self.found, to), *MULTIPLIERS]
         return [*solution, Bind(self.found, self.wrench)]
 
     def _dependent(self) -> list[tuple[int, ...]]:
-        """Entries of coordinates and speeds that depend on others."""
+        """Indices of dependent coordinates, and of dependent speeds."""
         sizes = (self.w.one("q").size, self.w.one("u").size)
         free = self.w.system.independent
         return [tuple(sorted(set(range(n)).difference(of))) for n, of in zip(sizes, free, strict=True)]
@@ -356,7 +357,7 @@ def bar_of(w: Shared, formulas: Formulas) -> Array:
 def transposed(
     w: Shared, formulas: Iterable[Formulas], bars: Iterable[Array], into: tuple[Array, ...]
 ) -> tuple[Step, ...]:
-    """Steps that add the contributions of formulas to the gradient; NumPy assigns them."""
+    """Steps that add the contributions of formulas to the gradient; in NumPy, they assign these contributions."""
     seeds = tuple(zip((w.one(f"d{n}") for n in w.state), into, strict=True))
     found = {b.name: b for b in bars}
     return tuple(
@@ -370,11 +371,13 @@ def ground_gradient(w: Shared) -> tuple[Step, ...]:
     """The step that adds the contributions of gravity to the gradient."""
     if not varying_of_ground(w.system):
         return ()
-    return (performed("ground_gradient", "The gradient by gravity's parameters.", (Prepare(GROUND_GRADIENT),)),)
+    return (
+        performed("ground_gradient", "The gradient with respect to gravity's parameters.", (Prepare(GROUND_GRADIENT),)),
+    )
 
 
 def changed(of: str, *sweeps: str) -> Perform:
-    """The step that adds the change of the adjoints with the multipliers of one sort of conditions."""
+    """The step that adds the change of the adjoints due to the multipliers of one type of conditions."""
     doc = f"Adds the change of the adjoints with the multipliers of conditions on {of}."
     return performed(f"multipliers_of_{of}", doc, tuple(Run(back_name(s), True) for s in sweeps))
 

@@ -36,7 +36,7 @@ SWITCH_PRODUCTS = "switch_hessian_products"
 
 
 def energy_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of both energies times directions: the change of its gradient along them."""
+    """The function that multiplies the Hessian of a weighted sum of both energies by directions."""
     bar = w.one("energy").called("energy_bar")
     weights = w.one("energy_weights")
     made = Measures(w, "energy", measured(w.system, (), range(len(ENERGIES))), ())
@@ -45,7 +45,7 @@ def energy_products(w: Shared) -> Procedure:
 
 
 def rate_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of the rates of coordinates times directions: the change of its gradient."""
+    """The function that multiplies the Hessian of a weighted sum of the rates of coordinates by directions."""
     bar, weights = w.one("qdot").called("qdot_bar"), w.one("rate_weights")
     made = Measures(w, "coordinate_rate", [RATES], (), of_state=False)
     begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
@@ -53,14 +53,14 @@ def rate_products(w: Shared) -> Procedure:
 
 
 def assembly_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of the assembled coordinates and speeds times directions: the change of its gradient."""
+    """The function that multiplies the Hessian of a weighted sum of assembled coordinates and speeds by directions."""
     made, weights = Measures(w, "assembly", [], (), of_state=False), w.of("q_weights", "u_weights")
     begin: tuple[Step, ...] = tuple(Combine(a, (of,)) for a, of in zip(made.zero, weights, strict=True))
     return made.procedure(ASSEMBLY_PRODUCTS, w.of("q", "u", *w.p), weights, begin)
 
 
 def switch_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of switching functions times directions, for motions."""
+    """The function that multiplies the Hessian of a weighted sum of switching functions by directions, for motions."""
     bar, weights = w.one("switches").called("switches_bar"), w.one("switch_weights")
     made = Measures(w, "switch", switch_quantities(w), (SWITCHES,))
     begin: tuple[Step, ...] = (Own(bar), Combine(bar, (weights,)))
@@ -68,7 +68,7 @@ def switch_products(w: Shared) -> Procedure:
 
 
 class Measures(WithLoops):
-    """The steps, for a tree or for loops.
+    """The steps for second derivatives of quantities of a state, for a tree or for loops.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Measures(WithLoops):
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [s for s in DIFFERENTIATED_TWICE if s in measures | of_pose and (quaternions or s != "rotations")]
         self.of_values = [s for s in self.sweeps if s not in ("rates", "rate_gaps", "gaps")]
-        """Sweeps whose values and tangents are needed."""
+        """The sweeps that compute the quantities, and whose tangents are needed."""
         self.start = w.begin if of_state or w.loops else run("rotations")
         self.clear = ADJOINT_TANGENTS if of_state else NO_TANGENTS
         self.sums = [w.one(n) for q in quantities for n in q.sums]
@@ -113,7 +113,7 @@ class Measures(WithLoops):
         begin: tuple[Step, ...],
         bars: Iterable[Array] = (),
     ) -> Procedure:
-        """The function; `begin` sets the adjoints `bars` of results to the weights."""
+        """The function `name`; the steps `begin` set the adjoints of results, `bars`, to the weights."""
         gradient = tuple(self.w.one(f"dg{a.name}") for a in given)
         self.begin, self.given_bars = begin, [*self.sum_bars, *bars]
         weighted = " + ".join(f"{a.name} . {a.name.removesuffix('_weights')}" for a in weights)
@@ -141,13 +141,13 @@ class Measures(WithLoops):
         )
 
     def no_sums(self) -> tuple[Step, ...]:
-        """Steps that set the quantities to zero, to which sweeps add."""
+        """Steps that set quantities to zero before sweeps add to them."""
         return tuple(step for a in (*self.sums, *self.energies) for step in (Own(a), Zero(a)))
 
     # -- values ----------------------------------------------------------------------------------------------------
 
     def _adjoints(self) -> list[Step]:
-        """Adjoints for one vector of weights, with the multipliers of the loops' conditions."""
+        """Steps for the adjoints of one vector of weights, and for the multipliers of the loops' conditions."""
         owned = [*self.sum_bars, *self.bars, *self.zero]
         found: list[Step] = [Own(a) for a in owned]
         if not self.w.loops:
@@ -181,7 +181,7 @@ class Measures(WithLoops):
     # -- along directions ------------------------------------------------------------------------------------------
 
     def _along(self, gradient: tuple[Array, ...]) -> list[Step]:
-        """Tangents of the quantities, of their adjoints and of the multipliers: the change of the gradient."""
+        """Steps for tangents of the quantities, of their adjoints and of the multipliers: the change of the gradient."""
         w, loops = self.w, self.w.loops
         dgaps = [a.tangent() for a in self.gaps[1:]] if loops else []
         along = [a.tangent() for a in self.sums]

@@ -31,7 +31,7 @@ from .words import OUTPUTS
 
 
 def lacking(w: Shared) -> str:
-    """The reason why a model has no second derivatives of outputs; "" if it has them."""
+    """What a model lacks for second derivatives of outputs; "" if nothing."""
     return "" if w.system.model.outputs else "outputs, and this model has none"
 
 
@@ -46,7 +46,7 @@ def driving_entries(w: Shared) -> dict[int, int]:
 
 
 def output_products(w: Shared) -> Procedure:
-    """The Hessian of a weighted sum of outputs times directions: the change of its gradient along them."""
+    """The function that multiplies the Hessian of a weighted sum of outputs by directions."""
     read: set[str] = set()
     for o, m in zip(w.system.model.outputs, w.measures, strict=True):
         if isinstance(m, RecordMeasure):
@@ -68,21 +68,21 @@ def output_products(w: Shared) -> Procedure:
 
 
 def driving_bar(w: Shared) -> Array:
-    """The weights of the forces that prescribed motion requires."""
+    """The array of weights of the forces that prescribed motion requires."""
     return w.one("driving").called("driving_bar")
 
 
 def solution_bars(w: Shared) -> list[Array]:
-    """The adjoints from which the virtual motion follows: of udot, and of the wrenches of loops."""
+    """The arrays of adjoints that determine the virtual motion: of udot, and of the wrenches of loops."""
     return [w.one("udot").called("udot_bar"), *([w.one("position").called("multiplier_bar")] if w.loops else [])]
 
 
 class AfterSolution(Measures):
     """The steps for outputs that depend on accelerations or on forces of prescribed motion, for a tree or for loops.
 
-    First, outputs other than these forces are differentiated with udot as an argument. Then udot is eliminated as in
-    products of udot, with the derivatives by udot as weights. Forces of prescribed motion are forces of the inverse dynamics,
-    so the virtual motion has their weights as its components along the prescribed coordinates.
+    First, outputs other than these forces are differentiated as functions of udot and the state. Then udot is eliminated as
+    in `second_order.hessian_products`, with the derivatives with respect to udot as weights. Forces of prescribed motion are
+    forces of the inverse dynamics, so their weights are the components of the virtual motion along prescribed coordinates.
     """
 
     def __init__(self, w: Shared, quantities: list[Quantity], driving: dict[int, int]):
@@ -131,7 +131,7 @@ class AfterSolution(Measures):
     # -- values ----------------------------------------------------------------------------------------------------
 
     def _of_driving(self) -> list[Step]:
-        """Contributions of forces of prescribed motion to the right sides of the virtual motion."""
+        """Steps that add contributions of forces of prescribed motion to the right sides for the virtual motion."""
         values: tuple[Step, ...] = ()
         sweeps = ["tree_motion", *WITH_WRENCHES, "driving_in_loops"]
         if not self.w.loops:
@@ -142,7 +142,7 @@ class AfterSolution(Measures):
             Zero(self.force_bar),
             performed(
                 "adjoints_of_driving",
-                "Derivatives of the weighted forces of prescribed motion by udot and by the wrenches of loops.",
+                "Derivatives of the weighted forces of prescribed motion with respect to udot and the wrenches of loops.",
                 (
                     *map(Zero, (*self.zero, *self.bars, *self.sum_bars)),
                     *self.begin,
@@ -155,7 +155,7 @@ class AfterSolution(Measures):
     # -- along directions ------------------------------------------------------------------------------------------
 
     def _first_along(self, gradient: tuple[Array, ...]) -> list[Step]:
-        """Tangents of the outputs with udot as an argument, and of their adjoints."""
+        """Steps for the tangents of the outputs, as functions of udot and the state, and of their adjoints."""
         w, dudot_bar = self.w, self.udot_bar.tangent()
         sums = [a.tangent() for a in (*self.sums, *self.bars, *self.given_bars)]
         return [
@@ -182,7 +182,7 @@ class AfterSolution(Measures):
         ]
 
     def _second_of_tree(self) -> list[Step]:
-        """Elimination of udot in trees: the virtual motion, and tangents of the adjoints of the inverse dynamics."""
+        """Steps that eliminate udot in trees: virtual motion, and tangents of the adjoints of the inverse dynamics."""
         change, dforce = self.udot_bar.tangent(), self.dudot.called("dforce_bar")
         return [
             Own(change),

@@ -30,7 +30,7 @@ class TreeSteps:
     motion : str
         The sweep that computes accelerations, by forward dynamics or from given udot.
     of : str
-        Appended to the names of the routines.
+        Suffix of the names of the routines.
     driving : bool
         Whether forces of prescribed motion have weights.
     """
@@ -49,8 +49,8 @@ class TreeSteps:
         self.bars = [bar_of(w, f) for f in self.formulas]
 
     def weights(self, plus: tuple[Array, ...], minus: tuple[Array, ...] = ()) -> list[Step]:
-        """The adjoints of the missing joint forces of the inverse dynamics, and zeros to which blocks add adjoints of
-        formulas."""
+        """Steps that set the adjoints of the missing joint forces to the given arrays, and the adjoints of formulas to
+        zero before blocks add to them."""
         bar = self.w.one("force").called("force_bar")
         return [
             Own(bar),
@@ -105,5 +105,5 @@ class TreeSteps:
 
     @property
     def zero(self) -> list[Step]:
-        """Zeros to which blocks add tangents of the adjoints of formulas."""
+        """Steps that set tangents of the adjoints of formulas to zero before blocks add to them."""
         return [step for a in self.bars for step in (Own(a.tangent()), Zero(a.tangent()))]

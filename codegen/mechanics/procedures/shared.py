@@ -75,7 +75,7 @@ class Shared:
         along: tuple[Step, ...],
         widths: tuple[int, ...] = OTHER_WIDTHS,
     ) -> list[Procedure]:
-        """A function, and its derivative along seeds of all its arguments."""
+        """A function, and the function for its derivative along seeds of all arguments."""
         given, found = self.of(*arguments), self.of(*results)
         return [
             Procedure(names[0], docs[0], given, found, steps),

@@ -59,10 +59,10 @@ def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
 
 
 def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Procedure:
-    """The transpose of a function: from weights of its results to the gradients of the weighted sum.
+    """The transpose of a function: it takes weights of the results, and computes gradients of the weighted sum.
 
-    Weights have the names of the derivatives, and gradients those of the seeds, since adjoints use the memory of directions.
-    `once`: no other function transposes the balance, so its sweeps may be merged into two.
+    In its steps, weights have the names of the derivatives, and gradients those of the seeds, because adjoints use the memory
+    of directions. `once`: no other function transposes the balance, so its sweeps may be merged into two.
     """
     steps = [s for s in flat(along.steps) if over_directions(s)]
     swept = [s.sweep for s in steps if isinstance(s, Run)]

@@ -1,7 +1,7 @@
 """Constants of links and the statements that compute them: zeros, numbers, and functions of design parameters.
 
-Links whose constants come from expressions of the same form share a *shape*: a block that computes the constants that depend on
-parameters, and their derivative primitives, from the link's parameters and numbers.
+Links whose constants come from expressions of the same form share a *shape*. This is a block that computes, from the link's
+parameters and numbers, the constants that depend on parameters and the derivatives of these constants.
 """
 
 from __future__ import annotations
@@ -83,9 +83,9 @@ def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> T
 
 
 class Statements:
-    """Writes an expression tree as statements, with names for intermediate values that would make expressions long.
+    """Writes an expression tree as statements; intermediate values get names, so that no expression becomes long.
 
-    `tag` is the equation of the statements.
+    `tag` is the equation number in the comments of the statements.
     """
 
     def __init__(self, x: Expansion, leaf: Leaf, tag: str = ""):
@@ -139,10 +139,10 @@ class Statements:
 
 
 def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") -> Value:
-    """The value of an expression as statements; on zero patterns, whether this value may differ from zero. All operands
-    are read in either case.
+    """Writes an expression as statements, and returns its value. On zero patterns, returns whether it may differ from
+    zero. All operands are read in either case.
 
-    `leaf` gives the value of a name; `tag` is the equation of the statements.
+    `leaf` returns the value of a name; `tag` is the equation number in the comments of the statements.
     """
     if isinstance(x, Expansion):
         value: Value = Statements(x, lambda name: algebra.expression(leaf(name)), tag).write(tree)
@@ -166,12 +166,12 @@ def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") 
 
 
 def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict[str, Value]]) -> Shape:
-    """Expand the constants of links whose expressions have the same form.
+    """Write and simplify the block of the constants of links whose expressions have the same form.
 
     Parameters
     ----------
     slots : Slots
-        Filled when the form was determined.
+        Parameters and numbers that occur in the expressions.
     write : callable (expansion, leaf) -> dict
         Writes the statements and returns the constants.
     """

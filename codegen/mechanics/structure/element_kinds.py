@@ -51,17 +51,17 @@ class PlacedElement:
     Attributes
     ----------
     links : tuple of int
-        Links on which it acts or whose motion it reads, each once; `GROUND`.
+        Links (or `GROUND`) on which the element acts or whose motion it reads, each once.
     ends : tuple of int
-        For each attachment point, then for each point that it only reads: index of its link in `links`.
+        For each attachment point, then for each point whose motion is only read: index of its link in `links`.
     steps : tuple of tuples of Placement
         From the body frame of the point's link to the point.
     frames : tuple of Frame
-        Frame of that link in its body.
+        For each point, the frame of its link in the link's body.
     oriented : tuple of bool
         Whether the element uses axes at the point.
     axis : Frame
-        The axis of its faces, as a frame.
+        The frame whose coordinate axis is the axis of the element's faces.
     forms : tuple of Tree
         Its coefficients, then the mode of its angle or line and the direction of the line, if any. They contain
         ``("name", "coefficient", i)`` for the parts that are evaluated before the sweeps. Points have the names
@@ -179,7 +179,8 @@ def end_name(i: int) -> str:
 
 
 def without_parts(tree: Tree, ends: Mapping[str, int], parts: list[Tree]) -> Tree:
-    """The form of a coefficient: parts without positions or velocities of points are replaced and added to `parts`."""
+    """The form of a coefficient. Subexpressions without positions or velocities of points are replaced by names and
+    appended to `parts`."""
 
     def part(unmeasured: Tree) -> Tree:
         parts.append(unmeasured)

@@ -24,13 +24,14 @@ CARRIER = -1
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """A block that the elimination of a unit adds to the coupling of two remaining links.
+    """A 6x6 block that the elimination of a unit adds to the coupling of two links that are eliminated later.
 
     Attributes
     ----------
     coupling : int
+        Number of the coupling.
     ends : tuple of two int
-        Indices of the two links among the partners, rows first; `CARRIER` for the carrying link.
+        Indices of the two links among the unit's partners, rows first; `CARRIER` for the link that carries the unit.
     first : bool
         The unit is the first to contribute to this coupling.
     """
@@ -55,8 +56,7 @@ class Partners:
     own : list of int
         Couplings that end with this unit: of a link, with each of its partners; of an ear, those in `between`.
     between : list of (int, int)
-        For an ear, the links of rows and columns of each of its couplings: index among the ear's links, or minus one minus the
-        index among the partners.
+        For an ear, the links of rows and columns of each coupling: n for link n of the ear, and -1 - n for partner n.
     contributions : list of Contribution
     """
 
@@ -250,7 +250,7 @@ def _couplings(
     ears: Sequence[EarLinks],
     contributor: dict[int, int],
 ) -> Elimination:
-    """Coupling blocks: the link to which the rows belong, the contributing units, and the memory slots of the blocks."""
+    """Coupling blocks, with their row links, the units that contribute to them, and their memory slots."""
     place: dict[int, tuple[int, int]] = {}
     of_region: dict[int, Partners] = {}
     for n, unit in enumerate(order):

@@ -37,15 +37,15 @@ class LoopFaces:
     ----------
     loop : Loop
     links : tuple of two int
-        The links of its faces; `GROUND`.
+        The links (or `GROUND`) of its faces.
     steps : tuple of two tuples of Placement
         From the body frames of those links to the faces.
     link_frames, frames : tuples of two Frame
         Frames of the links in their bodies; frames of the joint's axes in the faces.
     surfaces : tuple of SurfaceForm
-        Equations of a condition on a point.
+        If the loop is a condition on a point: its equations.
     parts : tuple of Expression
-        Subexpressions of these that contain no coordinate; of a distance, the length.
+        Subexpressions of these equations that contain no coordinate; for a distance, its length.
     """
 
     loop: Loop

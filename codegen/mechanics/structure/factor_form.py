@@ -14,9 +14,9 @@ class Step:
     ----------
     column : int
     unit : list of int
-        The row of its entry, if the column of Q is a coordinate direction.
+        The row of the only nonzero entry of the column of Q, if there is only one; otherwise empty.
     support : list of int
-        Otherwise the rows of its entries.
+        If the column has several nonzero entries, their rows.
     above : list of int
         Earlier steps onto which its column was projected.
     """
@@ -34,7 +34,7 @@ class FactorForm:
     Attributes
     ----------
     rows : list of int
-        Conditions that may be nonzero, by index among all.
+        Rows of the closure matrix that may be nonzero, as numbers of conditions.
     steps : list of Step
     """
 

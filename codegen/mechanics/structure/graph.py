@@ -19,15 +19,15 @@ class Closure:
     paths : tuple of two tuples of int
         For the start and the end face: the links of the ear that move the face, by index, from the root outward.
     roots : tuple of two int
-        Index among the ear's roots of the root of each path; -1 for both if the paths start from the same link.
+        For each path, the index of its root among the ear's roots; -1 for both if the paths start from the same link.
     faces : tuple of two int
-        Index of each face's link among the ear's links; minus one minus its index among the roots if it is a root.
+        For each face, n if it is on link n of the ear, and -1 - n if it is on root n.
     gaps : bool
         Parameters may separate the faces, or they are apart in dropped conditions; see `loops.partition.Ear`.
     dropped : tuple of int
         Conditions that are not used.
     terms : tuple of (int, int)
-        Of a coupling, which has no paths, roots or faces: index of each link, and its degree of freedom.
+        For a coupling, which has no paths, roots or faces: index of each link, and its coupled degree of freedom.
     """
 
     loop: int
@@ -60,7 +60,7 @@ class EarLinks:
     links : list of int
         In outward order.
     parents : list of int
-        For each link, the index of its parent in `links`, or minus one minus its index in `roots`.
+        For each link, n if its parent is link n of the ear, and -1 - n if its parent is root n.
     roots : list of int
         Links outside the ear, or `GROUND`, that carry its links and faces.
     closures : list of Closure

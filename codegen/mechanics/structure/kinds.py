@@ -40,8 +40,8 @@ class LinkKind(SharedConstants):
     carries : bool
         It carries units outside its own ear, or is coupled to some.
     closed_on : {"", "origin", "moving"}
-        ``moving`` if loops of another region close on its motion relative to their origin; ``origin`` if it is this
-        origin, the link that carries these loops.
+        ``moving`` if loops of another region depend on its motion relative to the link that carries these loops;
+        ``origin`` if it is the link that carries them; otherwise "".
     pulled : bool
         Force elements act on it.
     forced : tuple of bool
@@ -55,7 +55,7 @@ class LinkKind(SharedConstants):
     members : list of int
         Links, in outward order.
     units : list of int
-        Their indices in the order of units, if they are units.
+        Indices of the members in the order of units, if they are units.
     of_links : bool
         Only links contribute inertia to the members; regions and partners do not.
     """
@@ -89,11 +89,12 @@ class LinkKind(SharedConstants):
 
 @dataclass(slots=True, eq=False)
 class ClosureKind(SharedConstants):
-    """A loop of a kind of ears; see `structure.Closure`. `axis` and `end_axis` number the base vectors of the two
-    faces that are the joint's axes.
+    """A loop of a kind of ears; see `structure.Closure`. `axis` and `end_axis` are the indices of the joint's axis among
+    the base vectors of the start face and of the end face.
 
-    `holds`: the numbers of constrained directions; `slides`: the displacement between the faces enters the conditions;
-    `surfaces`: the equations of a condition on a point; `turned`: its faces are exchanged, see `Model.with_turned`.
+    `holds`: the numbers of constrained directions; `slides`: whether the conditions contain the displacement between the
+    faces; `surfaces`: the equations of a condition on a point; `turned`: whether the faces are exchanged, see
+    `Model.with_turned`.
     """
 
     holds: Closure
@@ -128,20 +129,20 @@ class EarKind:
     roots : list of str
         ``frame`` (the region's base), ``ground`` (if the base is a link), ``link`` (of the region), ``far`` (see `Region`).
     far : list of int
-        For each root, its index among the region's far links; -1 if it is none.
+        For each root, its index among the region's far links; -1 if it is not a far link.
     first_at : list of bool
         For each root, whether the ear is the first, on the way inward, to contribute a force to it.
     followed : list of bool
         For each link, whether a later ear of the region starts from it.
     closures : list of ClosureKind
     sources, total : int
-        Number of independent speeds of the region; number of all sources, with components of the motion of links.
+        Number of independent speeds of the region; number of all sources, including motion components of links.
     carried, rigid : bool
         See `structure.Region`.
     scale, per_length : Number
-        One over the characteristic length; `scale` is 1 if there are no angular conditions to compare linear ones with.
+        One over the characteristic length, 1/m. `scale`, the factor of linear conditions, is 1 if none are angular.
     positions : bool
-        Positions are needed, since the faces of some joint of the region may be apart.
+        Blocks need positions, because the faces of some loop joint of the region may be apart.
     partners : Partners
         See `LinkKind`.
     members : list of int

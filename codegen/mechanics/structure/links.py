@@ -34,7 +34,7 @@ Functions = Mapping[str, Function]
 """Type of a mapping from ``sqrt``, ``cos`` and ``sin`` to these functions, for numbers or symbols."""
 Let = Callable[[str, Value], Value]
 Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
-"""Type of the placement of a frame in another: origin, and rotations about the moving axes."""
+"""Type of the placement of one frame in another: origin, and rotations about axes of the rotated frame."""
 Carrier = tuple[int, tuple[Placement, ...]]
 """Type of a body's carrier: the link that carries it, and the placements from that link's body to the body."""
 
@@ -199,7 +199,7 @@ class Part(NamedTuple):
     q, u : int
         First of its coordinates and speeds among those of the body's joint.
     axis : int or None
-        Index of the body's joint axis that is the first axis of this joint.
+        Index, among the axes of the body's joint, of the first axis of this link's joint.
     factors : tuple of int
         Indices of the joint's factors.
     """
@@ -328,11 +328,11 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
 def turned_about(
     rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
 ) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
-    """The rotation of a joint's frame, without its last part if that is a rotation by a number about the joint's own axis;
-    and the angle of that part.
+    """Splits off the last part of the rotation of a joint's frame, if that part is a rotation by a number about the joint's
+    own axis; returns the remaining rotation, and the angle of that part, rad.
 
-    The angle is added to the joint angle: one addition instead of a constant rotation. Only one angle is removed, since a sum of
-    several would be rounded. Quarter turns are not removed, since they cost nothing.
+    The angle is added to the joint angle, which costs less than a constant rotation. Only one angle is split off, since a sum
+    of several would be rounded. Quarter turns stay, since they cost nothing.
     """
     if not rotation:
         return rotation, 0.0

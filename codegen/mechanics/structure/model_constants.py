@@ -51,7 +51,7 @@ class ModelConstants:
         self._by_key: dict[object, Constants] = {}
 
     def of(self, owner: Owner, *beside: object) -> Constants:
-        """The constants of an owner; owners share them only if their values `beside` are also equal."""
+        """The constants of an owner. Two owners share them only if their values of `beside` are equal too."""
         structure, expressions = owner.structure(), owner.expressions()
         key = (structure, beside, *map(id, expressions))
         found = self._by_key.get(key)

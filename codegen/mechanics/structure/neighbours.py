@@ -1,4 +1,4 @@
-"""Dependencies in the order of units: first contribution to a link, ears that start from it, last use of its values."""
+"""For each link, in the order of units: its first contributor, the ears that start from it, the last use of its values."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from .regions import Regions
 
 
 class Neighbours:
-    """Dependencies along the order of units.
+    """For the links of a system: which units contribute to them, start from them, and use their values.
 
     Attributes
     ----------
     unit_of_link : dict of int to int
         Index of each link's unit in the order.
     last_use : dict of int to int
-        The last unit, on the way outward, that uses a link.
+        For each link, the last unit, on the way outward, that uses its values.
     first_follower : dict of int to int
         For links of regions from which later ears start: the first of these ears on the way inward.
     """
@@ -59,10 +59,11 @@ class Neighbours:
         """A key for each ear, equal for ears of the same structure."""
 
     def _followed(self) -> dict[int, str]:
-        """Links that carry faces of loops of other regions, the links between these, and the one link that carries all of them.
+        """The role of each link outside a region on whose motion the region's loops depend.
 
-        The carrying link is the ``origin``, unless it lies between such links itself. Motions relative to the ground
-        would lose digits, for example on a satellite far from the ground's origin.
+        The ``origin`` carries all links from which a region starts. These links, and those between them and the origin,
+        are ``moving``, even if they are also the origin of another region. Their motion is computed relative to the
+        origin: relative to the ground it would lose digits, for example on a satellite far from the ground's origin.
         """
         regions = self.regions
         top: dict[int, int] = {}

@@ -1,9 +1,9 @@
-"""Estimated multiplications for loops in one region and in separate regions, by which one of the two is chosen.
+"""Estimated multiplications for loops in separate regions and in one region; the estimates decide between the two.
 
-For separate regions and for one region, the estimates are to be compared with the additions and multiplications that
-are generated for udot (section 4.3 of the theory page): Delta robot, estimates 38000 and 9000, generated 44000 and
-17000; Stewart platform, 7300 and 6600, generated 9800 and 9600; chain of 16 links with its end held, 3600 and 8200,
-generated 7600 and 19000. Where udot costs the same, derivatives cost a little more in one region.
+Estimates, and in brackets the operations that are generated for udot (section 4.3 of the theory page), first for separate
+regions and then for one region: Delta robot, 38000 and 9000 (44000 and 17000); Stewart platform, 7300 and 6600 (9800
+and 9600); chain of 16 links with its end held, 3600 and 8200 (7600 and 19000). Where udot costs the same, derivatives
+cost a little more in one region.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from .graph import Region
 from .links import Link
 
 FEW_SOURCES = 5
-"""Loops with at most this many independent speeds form one region. Separate regions have at least as many unknowns: the
+"""Loops with at most this many independent speeds form one region. A separate region has at least as many unknowns, the
 six components of a link's acceleration."""
 
 GAIN = 0.4
-"""Loops whose joints have more independent speeds form one region only if this takes less than this fraction of the
-work of separate regions. The margin is wide because couplings are overestimated for planar mechanisms and derivatives
-gain nothing."""
+"""Loops whose joints have more independent speeds form one region only if its estimate is below this fraction of the
+estimate for separate regions. The margin is wide because the estimate of couplings is too high for planar mechanisms,
+and because derivatives gain nothing."""
 
 LINK_OF_TREE = 150
 """Multiplications for a link whose inertia is propagated as a 6x6 matrix."""
@@ -85,12 +85,12 @@ class Freedoms:
         starts."""
         outside = self.outside(bundle)
         moving = list(outside - {GROUND})
-        # links on the base need no sources of a far link, so the base carries as many links as possible
+        # the motion of links carried by the base needs no far link, so the base is the link that carries most of them
         hanging = [self.links[i].parent for i in bundle.members]
         moving.sort(key=lambda i: (-hanging.count(i), i))
         base = moving[0] if moving else GROUND
         far = moving[1:] + ([GROUND] if moving[1:] and GROUND in outside else [])
-        # a loop carried by one link alone closes for any motion of that link
+        # loops that a single link carries close for any motion of that link
         rigid = not moving or bool(far) or GROUND not in outside
         return Region(base, rigid, freedoms=self.independent(bundle.members), far=far)
 

@@ -125,9 +125,8 @@ def _components(
     """Groups of ears that share links on their cycles, directly or through other ears; and the link that carries each
     group.
 
-    Cycles are followed inward from both faces, up to links of an earlier ear, and then continue from the base of its
-    group. Couplings come last: the paths between the joints of a coupling pass through loops whose links have nothing
-    to do with it.
+    A search goes inward from both faces of a loop. At a link of an earlier ear, it continues from the base of that ear's
+    group. Couplings come last, because paths between the joints of a coupling may pass through unrelated loops.
     """
     parts = [(ear, tuple(i for i in ear.loops if i not in coupled)) for ear in partition.ears]
     parts = [(ear, loops) for ear, loops in parts if loops or not ear.loops]

@@ -23,7 +23,7 @@ class SurfaceForm(SurfaceFunction):
     Attributes
     ----------
     by_part : tuple of (int, Expression)
-        Its derivatives with respect to parts that contain parameters.
+        Derivatives of the equation with respect to parts that contain parameters, each with the number of the part.
     """
 
     by_part: tuple[tuple[int, Expression], ...]

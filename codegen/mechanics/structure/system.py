@@ -43,7 +43,7 @@ class System:
     kinds : list of LinkKind
         Of all links.
     kind_of, constants_of : list
-        For each link.
+        Kind and constants of each link.
     regions : Regions
         Ears, regions and the order of units.
     unit_kinds : list of UnitKind
@@ -136,8 +136,8 @@ class System:
 
     @property
     def independent(self) -> tuple[list[int], list[int]]:
-        """Indices of independent coordinates and speeds; a partly dependent rotation or position counts with all
-        coordinates."""
+        """Indices of independent coordinates and speeds. If loops determine a rotation or position only in part, all of
+        its coordinates count as independent."""
         dependent = {
             (i, j)
             for ear in self.regions.ears
@@ -200,7 +200,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
 
 
 def speeds_and_held(model: Model) -> tuple[set[int], set[int]]:
-    """Speeds, and prescribed coordinates, whose joint has a nonzero force in the model."""
+    """Indices of the speeds, and of the prescribed coordinates, along which the model has a nonzero joint force."""
     found = {i for of in model.forces for i, _ in speeds_with_forces(model, of)}
     return {i for i in found if i >= 0}, {-1 - i for i in found if i < 0}
 

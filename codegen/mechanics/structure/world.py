@@ -40,7 +40,7 @@ _ONE: Tree = ("number", 1)
 
 
 def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
-    """The same system with other axes of the ground, if loops that close on the ground are simpler along them.
+    """The same system with other ground axes, if the conditions of loops on the ground are simpler along these axes.
 
     Parameters
     ----------

@@ -20,8 +20,8 @@ from ..structure.kinds import LinkKind
 
 
 def carry(joint: LinkJoint, A: Vector, tag: str, name: str = "b") -> Vector:
-    """The parent's acceleration A (angular, then linear), taken to the link's origin by ``S^T``: six components along
-    the link's axes."""
+    """The acceleration that the link's origin would have if it were fixed to the parent, from the parent's acceleration A
+    (angular, then linear): ``S^T A``, six components along the link's axes."""
     al, a = A[:3], A[3:]
     r = joint.offset()
     moved = add(a, cross(al, r))

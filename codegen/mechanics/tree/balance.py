@@ -88,7 +88,8 @@ def balance_outward(x: Scope, kind: LinkKind) -> None:
 
 
 def mass_outward(x: Scope, kind: LinkKind) -> None:
-    """``M x`` over directions, outward: accelerations that follow from x alone, and the forces that these require."""
+    """``M x`` over directions, outward: the accelerations of links if udot = x and all speeds are zero, and the forces that
+    these accelerations require."""
     joint = kind.joint(x, kind, lanes=True)
     rates = (x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms))
     A = moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates, "Eq. 19")

@@ -59,7 +59,7 @@ def tree_forces(x: Scope, kind: LinkKind) -> None:
 
 
 def coordinate_forces(x: Scope, kind: LinkKind) -> None:
-    """The gradient by a link's coordinates, along its degrees of freedom."""
+    """The gradient with respect to a link's coordinates, converted to its degrees of freedom."""
     joint = kind.joint(x, kind)
     for j in range(joint.freedoms):
         changes = joint.coordinate_changes({j: 1}, False)

@@ -1,4 +1,4 @@
-"""Columns of Jacobians and mass matrices, all at once: every link computes only the columns that concern it.
+"""Columns of Jacobians and mass matrices, all at once: every link computes only the columns that it affects.
 
 A column belongs to a coordinate or a speed of one link. It needs the factors of the triangularization and the response
 to rotation (`turning`), but no derivative of the inverse dynamics:
@@ -8,8 +8,8 @@ to rotation (`turning`), but no derivative of the inverse dynamics:
     outward   on its own link and all links outboard of it, also ``- t . dw_pr`` in ``d udot``, and
               ``dA = X dA_pr + C dw_pr + P d udot``
 
-A coordinate or a speed of a link changes the link's own motion, with udot held, by the tangent of the link's kinematics
-alone. It changes the force by ``I dA + W dw``, and on the parent by the rotation of the transmitted force.
+With udot held, a coordinate or speed of a link changes the link's own motion as its kinematics says, and its force by
+``I dA + W dw``. The force on the parent changes also because the transmitted force rotates.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def column_unit(x: Scope, kind: LinkKind) -> None:
 
 
 def column_in(x: Scope, kind: LinkKind) -> None:
-    """The force of a column at one joint, and the force propagated to the parent. Eqs. 45, 53."""
+    """For each column, the driving force of one joint, and the force that is propagated to the parent. Eqs. 45, 53."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j in reversed(range(joint.freedoms)):
@@ -163,8 +163,8 @@ def composite_seed(x: Scope, kind: LinkKind) -> None:
 
 
 def composite_in(x: Scope, kind: LinkKind) -> None:
-    """Entries of the mass matrix: components of the force for a unit acceleration along the degrees of freedom of
-    inboard links."""
+    """Entries of the mass matrix. The force for a unit acceleration is propagated inward; its components along degrees of
+    freedom are the entries."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j, s in enumerate(joint.columns):
@@ -175,7 +175,7 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
 
 
 def _add(x: Scope, store: Store, value: Vector) -> None:
-    """Add a wrench to the force of columns; components that are not stored are zero."""
+    """Add a wrench to the force of each column. A component that has not been stored yet counts as zero."""
     for part, e in zip(fields.column_force.scalars(), value, strict=True):
         if not is_zero(e):
             x.store(store, part, x.let("P", x.load(store, part) + e, "d Eq. 45", lanes=True))

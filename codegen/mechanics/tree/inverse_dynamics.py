@@ -61,7 +61,7 @@ def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[V
 
 
 def balance_start(x: Scope, kind: LinkKind) -> None:
-    """`newton_euler_outward` at the udot of forward dynamics; links with children also use its accelerations."""
+    """`newton_euler_outward` at the udot of forward dynamics; for links with children, also at its accelerations."""
     newton_euler_outward(x, kind, kind.carries)
 
 
@@ -143,5 +143,5 @@ def transfer(
 
 
 def propagate_lanes(x: Scope, kind: LinkKind, force: Vector) -> None:
-    """Add a tangent, or the bias force of a solution, to the parent's sum."""
+    """Propagate a force over directions, such as a tangent or the bias force of a solution, to the parent's sum."""
     accumulate_force(x, LUP, fields.articulated_force, force, is_first(x, kind), "Eq. 45", lanes=True)

@@ -126,7 +126,7 @@ def turns(x: Scope, kind: LinkKind) -> None:
 
 
 def coordinate_rates(x: Scope, kind: LinkKind) -> None:
-    """Time derivatives of the coordinates. Eq. 1: of a quaternion ``e (0, omega) / 2``, of a position ``R v``."""
+    """Time derivatives of the coordinates. For a quaternion e: ``e (0, omega) / 2``; for a position: ``R v``. Eq. 1."""
     joint = kind.joint(x, kind)
     rates = [x.let("rate", e, "Eq. 1") for e in joint.rates()]
     for m, value in enumerate(rates):

@@ -1,5 +1,4 @@
-"""Tangents of blocks: symbols with tangents, symbols that are functions of other symbols, and the resulting
-statements."""
+"""Tangents of blocks: the tangents of symbols that a block loads, and the statements that follow from them."""
 
 from __future__ import annotations
 
@@ -62,9 +61,8 @@ def store_tangents(x: Scope, d: Tangents | None, stores: Iterable[Store], parts:
 def store_motion(
     x: Scope, kind: LinkKind, joint: LinkJoint, parts: Sequence[Part], also: Mapping[Store, Store] | None = None
 ) -> None:
-    """Store a link's motion in its record; if the block is differentiated, store the tangents, for its children too.
-
-    `also`: see `differentiate`.
+    """Store a link's motion in its record. If the block is differentiated, store the tangents of the motion, in the slot
+    that the children read too. `also`: see `differentiate`.
     """
     for field, value in _scalars(parts):
         x.store(ME, field, value)
@@ -94,7 +92,7 @@ OWN_SEEDS = (COORDINATES, SPEEDS, TURNS)
 
 
 def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]:
-    """Tangents of everything that the block has loaded; with `own`, of the link's coordinates and speeds only."""
+    """Tangents of all symbols that the block has loaded; with `own`, only of the link's own coordinates and speeds."""
     result: dict[Symbol, Expr] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         stem, _, component = name.partition(".")

@@ -33,7 +33,7 @@ def to_blocks(I: Matrix) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
-    """Positions of the constants of a rigid body in its 6x6 inertia: row, column, field, sign (Eq. 23 about the joint)."""
+    """Where a rigid body's constants are in its 6x6 inertia: row, column, field and sign (Eq. 23 about the joint)."""
     J, h = dict(zip(PLACES, fields.inertia.scalars(), strict=True)), fields.first_moment.scalars()
     places = [(i, j, J[i, j], 1) for i in range(3) for j in range(i, 3)]
     places += [(3 + i, 3 + i, fields.mass, 1) for i in range(3)]
@@ -109,8 +109,8 @@ def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
 def inertia_scales(x: Scope, kind: LinkKind, I: Matrix, pivot: int) -> Vector:
     """Angular and linear sizes with which pivots are compared: traces of the articulated inertia (`zero pivot`).
 
-    Where no other statement needs an entry of the trace, the body's own inertia and the children's sizes replace it.
-    The entry `pivot` is left out, since it is the joint's only pivot; -1 leaves out none.
+    If no other statement needs an entry of a trace, the body's own inertia and the children's sizes replace this entry. The
+    entry `pivot` is left out of the trace, since it is the pivot that is compared; -1 leaves out none.
     """
     turning, mass = (_total([I[i][i] for i in range(n, n + 3) if i != pivot]) for n in (0, 3))
     tag = "zero pivot"

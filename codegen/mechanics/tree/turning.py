@@ -1,4 +1,4 @@
-"""Response of the articulated force to a link's angular velocity, and transmitted forces: inward, once for a state.
+"""Derivative of the articulated force with respect to a link's angular velocity, and transmitted forces: an inward sweep.
 
 The articulated force of a link and everything outboard of it (Eq. 45) depends on the link's rotation: with the accelerations
 A and the angular velocity w of the link, the joint transmits ``phi = I A + p(w)``. The derivative W with respect to w,
