@@ -17,7 +17,7 @@ SIGNATURE = 115
 
 @dataclass(slots=True)
 class Function:
-    """A generated function: comment, signature, lines, further comment lines, conditions for compilation and declaration."""
+    """A generated function: title, signature, lines, comment, and the conditions under which it is compiled and declared."""
 
     comment: str
     signature: str

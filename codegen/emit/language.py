@@ -23,16 +23,16 @@ class Located:
     Attributes
     ----------
     variable : str
-        Name of a variable for the row; empty where none is needed.
+        Name of a variable for the row of memory; empty if no variable is needed.
     row : str
-        Value of that variable.
+        Expression of the row, the value of the variable.
     text : str
-        Text that follows the name of the variable in an expression of the component.
+        Text that follows the name of the variable in the expression of the component, such as ``->omega_x``.
     type : str
         Type of the row, if the language has types.
     names : tuple of str
-        Possible names of a variable for the component, best first: its names in the model. Empty if the component has
-        several meanings in the model.
+        Possible names of a variable for the component, best first, from the names in the model. Empty if the component
+        belongs to several entries of the model.
     """
 
     variable: str
@@ -99,7 +99,7 @@ class Language(ABC):
     def lines(
         self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
     ) -> list[str]:
-        """Lines of a block. `culprit` gives the number of the link or loop to report if a pivot is zero.
+        """Lines of a block. `culprit` returns the number of the link or loop to report if a pivot is zero.
 
         `each` begins the loop over directions, where the language has one.
         """
@@ -134,7 +134,7 @@ class Language(ABC):
 
     @abstractmethod
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
-        """Table of rows of equal length; a second request for an equal table returns the first."""
+        """Add a table with rows of equal length to the file."""
 
     @abstractmethod
     def place(self, kinds: Sequence[Kind], sweep: str, store: Store, name: str) -> Located:

@@ -1,4 +1,4 @@
-"""Prints expressions of statements; each target defines what differs between languages."""
+"""Prints expressions of statements. The class of each target adds the methods that differ between languages."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ class Printer(ABC):
 
     @abstractmethod
     def turned(self, angle: str, mode: str) -> str:
-        """The angle, moved by full turns to within half a turn of its mode."""
+        """The text of the angle plus whole turns, so that it differs from the mode by at most half a turn."""
 
     @abstractmethod
     def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:

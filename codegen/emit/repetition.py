@@ -1,7 +1,7 @@
 """Compact form of long lists of names and numbers: repetitions that come from ``repeat`` in a model file are written once.
 
-A stretch of a list that repeats some items, in which integers grow in equal steps, is written as a `Repeated`. The run time
-(`codegen.runtime.standalone.files.manifest.unrolled`) restores the list.
+If a pattern of items repeats within a list and its integers grow in equal steps, the repetitions become one `Repeated`. The run
+time (`codegen.runtime.standalone.files.manifest.unrolled`) restores the list.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Repeated:
     count : int
         Number of repetitions.
     items : tuple
-        The pattern. In names, changing integers are written ``{0}``, ``{1}``, ...; an item that is itself a changing integer is
-        written by its number alone, as ``(0,)``.
+        The pattern. In names, integers that grow are written ``{0}``, ``{1}``, ...; an item that is itself such an integer is
+        written as ``(0,)``, ``(1,)``, ...
     start, step : tuple of int
-        First value and step of these integers.
+        First value and step of each of these integers.
     """
 
     count: int
@@ -53,7 +53,7 @@ class Repeated:
 
 
 def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
-    """The list with its repetitive stretches as `Repeated`; the search is greedy and linear in the length."""
+    """The list with repetitions replaced by `Repeated`. The search is greedy and takes time linear in the length."""
     if len(values) <= SHORT or any(isinstance(v, str) and ("{" in v or "}" in v) for v in values):
         return list(values)
     forms = [_form(v) for v in values]
@@ -81,7 +81,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
 
 
 def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
-    """The form of an item, followed by the integers that were replaced."""
+    """The form of an item, and the integers that the form has placeholders for."""
     if isinstance(value, str):
         return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
     if isinstance(value, int):

@@ -31,10 +31,10 @@ class RowWriter(SweepWriter):
         of_values: str = "",
         of_numbers: str = "",
     ) -> tuple[Function, list[str]]:
-        """A function for blocks that differ only by table rows, and the statements that call it for all rows.
+        """A function for blocks that differ only in rows of tables, and the statements that call it for all rows.
 
-        `place` gets a function that returns the expression of an integer column; `about` describes what it computes.
-        The function's tables are named after it, or after an earlier function with the same tables.
+        `place` returns places of components; it gets a function that returns the expression of an integer column. `about`
+        is the comment of the function. Tables have its name, or the name of an earlier function with equal tables.
         """
         single = len(integers) == 1
         numbered = any(store is NUMBER for store, _ in block.loads.values())
@@ -93,8 +93,8 @@ class RowWriter(SweepWriter):
         return functions, calls
 
     def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
-        """Functions of the formulas of a target: for their values, tangents and transposes, as far as these are
-        called."""
+        """Functions of the formulas whose results are in the array `target`: for values, tangents and transposes, as far as
+        some function calls them."""
         result: dict[str, Any] = {
             f"{kind}{part}": []
             for kind in ("", "lane_", "back_", "adjoint_", "twice_")
@@ -159,7 +159,7 @@ class RowWriter(SweepWriter):
 
 
 def entry_from(first: str, further: int) -> str:
-    """The index of an entry that is a given number of entries further on."""
+    """The index of the entry that comes `further` entries after the first."""
     if first.isdigit():
         return str(int(first) + further)
     return f"{first} + {further}" if further else first

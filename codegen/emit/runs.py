@@ -22,7 +22,7 @@ from ..program.procedure import (
 
 
 def part_of(step: Formulas) -> str:
-    """Prefix of the name of a formula's function: values, tangents, transposed tangents, adjoints, or tangents of these."""
+    """Prefix of the name of a formula's function, for values, tangents, transposed tangents, adjoints or adjoints' tangents."""
     if step.twice:
         return "twice_"
     if step.backwards:
@@ -52,8 +52,8 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
     def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
-        """Adds steps, which run with the given widths: if `anyhow`, functions of every width run them, otherwise
-        functions of the same width."""
+        """Record the calls of steps that run with the given widths. If `anyhow`, functions of all widths run them; otherwise
+        only the function of the same width."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):

@@ -16,7 +16,8 @@ from .language import Language, Located
 from .notes import notes
 
 MAX_STRETCHES = 24
-"""Maximum number of distinct stretches of links; a sweep with more selects the function by the kind of each link."""
+"""A sweep calls its functions in separate loops, one for each stretch of links with a repeated pattern of kinds. If there are
+more stretches than this, a single loop selects the function by the kind of each link."""
 
 
 IDLE = -1
@@ -45,8 +46,8 @@ class SweepWriter(Language):
         return self._shared[sweep]
 
     def _form(self, kind: Kind, sweep: str, block: Block) -> object:
-        """The properties in which blocks must agree to share a function: statements, and addresses without the numbers
-        of rows."""
+        """The properties that must be equal for blocks to share a function: statements, and addresses without the numbers of
+        rows."""
 
         def form(store: Store, name: str) -> tuple[object, ...]:
             if store.memory is MARGIN:
@@ -177,7 +178,7 @@ class SweepWriter(Language):
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:
-    """A sequence as repeated patterns: (start, pattern, repetitions). The search is greedy and linear in the length."""
+    """A sequence as repeated patterns: (start, pattern, repetitions). The search is greedy, in time linear in the length."""
     result: list[tuple[int, tuple[int, ...], int]] = []
     i, n = 0, len(kinds)
     while i < n:

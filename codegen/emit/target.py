@@ -46,11 +46,11 @@ class Scalar:
     bytes : int
         Size of a number.
     limits : Limits
-        Rounding and smallest number.
+        Rounding error and smallest normal number.
     largest : float
         Largest number.
     suffix : str
-        End of literals.
+        Suffix of literals, such as ``f``.
     integer : str
         Integer type of the same size, for masks of vectors; empty if vectors hold no such scalars.
     agreement : float

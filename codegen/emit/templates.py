@@ -23,10 +23,10 @@ OPTIONS: dict[str, bool] = {"trim_blocks": True, "lstrip_blocks": True, "keep_tr
 class KeptBeside(jinja2.BytecodeCache):
     """Keeps compiled templates in the folder where Python keeps compiled modules, if Python keeps any.
 
-    A template is compiled again when the template, the options here, Jinja or Python have changed. Compiling the
-    templates takes a fifth of the time that passes before gcc can start; it is repeated each time if the folder is not
-    writable. The kept files are code that runs. So a file is not read if it belongs to a user other than the owner of
-    the templates or this process, or if other users can write to it.
+    A template is compiled again if the template, the options `OPTIONS`, Jinja or Python have changed, or if the folder is not
+    writable. Compiling the templates takes a fifth of the time that passes before gcc can start. The kept files contain
+    executable code. For safety, a file is read only if it belongs to the owner of the templates or to the user of this
+    process, and if no other user can write to it.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Addresses: where a component of a store lies in memory, decided once for every target.
 
 An address has three parts: a region of memory (or an argument), a row of this region, and a place in the row. The row belongs
-to the unit whose memory is accessed. A function is called for several units, and ``i`` is the number of the unit. Where the
-function is written, its rows become an expression in i; integers that are no simple function of i are stored in tables
-(`IndexTable`), which get a column when one is needed. So kinds that differ only in their rows share a function.
+to the unit whose memory is accessed. A generated function is called for several units; its argument ``i`` is the number of the
+unit. In the function, numbers of rows are expressions in i. Numbers that are not a linear function of i are stored in a column
+of a table (`IndexTable`). So kinds that differ only in the numbers of rows share a function.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Address:
 
     @property
     def form_of_code(self) -> tuple[object, ...]:
-        """The properties in which addresses must agree for functions to be shared."""
+        """The properties that must be equal in the addresses of two kinds that share a function."""
         component = "" if isinstance(self.component, Row) else self.component
         return self.variable, self.region, self.row is None, component, self.form
 

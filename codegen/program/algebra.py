@@ -5,11 +5,11 @@ such as whether a product commutes. Only a few operations are needed here: terms
 equal factors are combined, zeros and ones are dropped. Equal expressions are the same object, so comparison and lookup
 are fast.
 
-Where sympy has a rule, it is used here. Terms that differ only in their numerical factor are combined, and so are
+The rules of simplification are those of sympy. Terms that differ only in their numerical factor are combined, and so are
 powers of one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and
 `raw_product` keep their order until something is substituted into them.
 """
-# long: the operators of expressions apply the rules of sums, products and powers, which make expressions
+# one long file: the operators of expressions call the rules for sums, products and powers, and these create expressions
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Expr:
     ----------
     args : tuple of Expr
     key : tuple
-        Sort key among terms and factors.
+        Sort key, by which terms and factors are ordered.
     free_symbols : frozenset of Symbol
     """
 
@@ -284,7 +284,7 @@ _users, _changing = 0, threading.Lock()
 
 
 def remembered(f: Callable[[Expr], T]) -> Callable[[Expr], T]:
-    """Decorate a function of an expression so that each value is computed once, as long as expressions are kept."""
+    """Decorate a function of an expression: inside `expressions_kept`, each value is computed only once."""
     known: dict[Expr, T] = {}
     _remembered.append(known.clear)
 
@@ -488,7 +488,7 @@ def _are_apart(terms: tuple[Expr, ...]) -> bool:
 
 
 def _with_digits(a: Real, b: Real, add: bool) -> Real:
-    """The sum or product of numbers; a fraction becomes a double if the other operand is one."""
+    """The sum (`add`) or product of two numbers; if one is a double, a fraction becomes a double first."""
     if isinstance(a, (float, mpmath.mpf)) and isinstance(b, (Fraction, int)):
         b = _as_double(b, a)
     elif isinstance(b, (float, mpmath.mpf)) and isinstance(a, (Fraction, int)):
@@ -675,8 +675,8 @@ def numbers_of(e: Expr) -> Iterator[Number]:
 
 
 def value_of_number(e: Expr) -> float:
-    """The value of an expression without symbols, in the precision of ``mpmath`` where that exceeds the precision of a
-    double."""
+    """The value of an expression without symbols, as a double or, if it contains numbers of higher precision, as an
+    ``mpmath`` number."""
     long = mpmath.mp.prec > 53
     if isinstance(e, Number):
         if long and isinstance(e.value, Fraction):

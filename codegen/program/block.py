@@ -79,7 +79,7 @@ class Block:
     early : bool
         If true, values per direction are stored as soon as they are known; otherwise at the end.
     ordered : bool
-        If true, targets keep the order of all statements, also of those whose values are common to all directions.
+        If true, targets print all statements in this order, including those whose values are common to all directions.
     """
 
     name: str
@@ -163,8 +163,8 @@ class Scope(ABC):
         """Name a value even if the name is only a copy; copy propagation removes the copy."""
 
     def either(self, name: str, value: Value, otherwise: Value, tag: str = "") -> Value:
-        """Name a value or its alternative `otherwise`, which is taken if it is cheaper, or if the value reads something
-        that nothing else needs."""
+        """Name a value for which there are two expressions. The second one, `otherwise`, is chosen if it costs less, or if
+        only the first one reads values that are not needed elsewhere."""
         return self.let(name, value, tag)
 
     @abstractmethod
@@ -255,11 +255,11 @@ class Expansion(Scope):
         self._number = number
         self._alias = alias
         self.recalled: dict[Symbol, Component] = {}
-        """Values that an earlier block has stored, and that need not be computed; see `recall`."""
+        """Values that are loaded instead of computed, since an earlier block has stored them; see `recall`."""
         self.stored_before: list[tuple[Store, str, Expr]] = []
         """All values that an earlier block has stored."""
         self.equal: dict[Symbol, Expr] = {}
-        """Values that equal another value up to rounding, and have the tangent of that value."""
+        """Values that equal another value except for rounding errors, and therefore have the same tangent."""
         self._loaded: dict[Component, Expr] = {}
         self._named: dict[Expr, Expr] = {}
         self._named_up_to_sign: set[Hashable] = set()
@@ -342,7 +342,7 @@ class Expansion(Scope):
                 self.recalled[part] = (store, name)
 
     def resume(self, block: Block) -> Expansion:
-        """Continue a finished block: its loads, names and stores are known."""
+        """Continue to write a finished block."""
         self.block.loads, self.block.statements = dict(block.loads), list(block.statements)
         self.block.stores = list(block.stores)
         self._loaded |= {at: symbol for symbol, at in block.loads.items()}
@@ -420,7 +420,7 @@ ANY = Nonzero()
 class StructuralExpansion(Scope):
     """Runs block-writing code on zero patterns only; `stored` receives the patterns of written fields.
 
-    The numbers 1 and -1 are kept: the joint axis of a planar mechanism has the same components in every link.
+    The numbers 1 and -1 are distinguished from varying values, since components of axes often are 1 or -1 in every state.
     """
 
     structural = True

@@ -1,5 +1,4 @@
-"""Procedures with the steps that a target takes, without steps that have no effect; and the routines of these
-procedures."""
+"""Procedures reduced to the steps that a target (C or NumPy) executes and that have an effect; and their routines."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ def sweeps(procedures: tuple[Procedure, ...]) -> set[str]:
 def counted(procedure: Procedure, outside: str) -> list[str]:
     """Names of the sweeps, formulas and preparations (`outside`) that a procedure runs, in order of first use.
 
-    A repeated run is listed repeatedly. Each column of a matrix is a direction, so the computation of columns counts once for all
-    matrices. A sweep of a `Single` step, over one direction, gets the suffix ``_1``, as in ``solve_in_1``. Values and
+    A sweep that runs twice is listed twice. Sweeps over the columns of matrices are listed once, since each column is a
+    direction. A sweep of a `Single` step, over one direction, gets the suffix ``_1``, as in ``solve_in_1``. Values and
     tangents of formulas share a name; so do values and tangents of preparations.
     """
     steps = tuple(within(procedure.steps))

@@ -5,9 +5,9 @@ They are small, computed once, and shared by all directions. A tangent statement
 primitive_i * d operand_i``, without zero terms.
 
 Some operands are functions of other operands and carry no tangent of their own: the sine and cosine of an angle, the
-entries of a rotation matrix, the constants of a body. These are *transparent*: the derivative is taken with respect to
-the quantities on which they depend. So ``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``. This takes one product
-where the plain chain rule needs two, and its factor often has a name already.
+entries of a rotation matrix, the constants of a body. These operands are *transparent*: a statement is differentiated with
+respect to the quantities on which they depend, here the angle q. So ``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``. This
+has one product with dq where the plain chain rule needs two, and the factor in brackets often has a name already.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ class Tangents:
     expansion : Expansion
         Receives the tangent statements, and the primitives as scalar statements.
     seeds : mapping of Symbol to Expr
-        Tangent of each symbol that has one; it has one value per direction.
+        The tangent of each symbol that has one. Tangents have one value per direction.
     transparent : dict of Symbol to dict of Symbol to Expr
         For each transparent symbol, its derivatives with respect to the symbols on which it depends. Those symbols need no
         statement, only an entry in `seeds`.
     lanes : bool
-        Whether the tangent statements are one per direction.
+        Whether tangents have one value per direction.
     known : dict of Symbol to list of (Expr, Expr)
         For targets with known derivatives: pairs of an operand and the derivative with respect to it, which may be infinite.
     """

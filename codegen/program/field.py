@@ -37,15 +37,15 @@ class Readable(ABC, Generic[V_co]):
     unit, frame, meaning : str
         For the glossary. The frame gives the axes of the components; empty for scalars.
     propagated : bool
-        Whether other units add to it; without such units it is zero and is not stored.
+        Whether other units add to the field. If there are no such units, the field is zero and is not stored.
     unread : str
-        The case in which the stored value may remain unread. If empty, a stored value that is not read is an error
-        (`mechanics.expansion`).
+        The reason why a stored value may remain unread in some models. If empty, a value that is stored and never read is
+        an internal error (`mechanics.expansion`).
     """
 
     shape = ""
     ends: ClassVar[Sequence[str]] = ("",)
-    """Endings of the component names, after the field's name."""
+    """Suffixes that are appended to the field's name to give the names of its components."""
     called: str
     """Name in generated code, without the endings of components; for listed fields."""
 

@@ -41,7 +41,7 @@ class Formula:
     differentiable : Block, optional
         The value of a formula over records, with margins that must be positive where it has a derivative.
     in_loops : bool
-        Whether `adjoint` includes the gradients by coordinates and speeds, which multipliers of loops balance.
+        Whether `adjoint` computes gradients with respect to coordinates and speeds, which multipliers of loops balance.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Formula:
 
     @cached_property
     def transposed(self) -> Block:
-        """From the adjoint of a result, compute the contributions to the adjoints of all values on which the result depends.
+        """The block that computes, from the adjoint of the result, contributions to the adjoints of all values that it reads.
 
         A margin that must be positive in the tangent must be positive in the transpose, too.
         """
@@ -75,8 +75,8 @@ class Formula:
 
     @cached_property
     def adjoint(self) -> Block:
-        """From the adjoint of a result, compute the contributions to the adjoints of records, or to the gradients by
-        coordinates and speeds; other gradients are not read."""
+        """The block that computes, from the adjoint of the result, contributions to the adjoints of records, or to the
+        gradients with respect to coordinates and speeds. Other gradients are not needed."""
         if self.of_records is not None:
             return self.of_records[0]
         made = self._adjoint()
@@ -85,7 +85,7 @@ class Formula:
 
     @cached_property
     def twice(self) -> Block:
-        """From the adjoint of a result and its tangent, compute the contributions to the tangents of the gradients."""
+        """The block that computes contributions to the tangents of gradients, from the result's adjoint and its tangent."""
         if self.of_records is not None:
             return self.of_records[1]
         known = self.curvature()

@@ -70,8 +70,8 @@ def value_of_function(name: str, values: Sequence[float]) -> float:
 
 
 def _elementary(name: str, parity: int = 0) -> Made:
-    """A function that is evaluated at once for numbers. For odd and even functions, the sign of the argument is taken
-    out."""
+    """A function that computes the value immediately if all operands are numbers. For an odd or even function, f(-x) becomes
+    -f(x) or f(x)."""
 
     def of(*arguments: object) -> Expr:
         args = tuple(map(expression, arguments))
@@ -109,8 +109,8 @@ HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute, HeldTurn = map(
     _plain, ("HeldAtLeast", "HeldMaximum", "HeldMinimum", "HeldSign", "HeldAbsolute", "HeldTurn")
 )
 """Variants with a mode as last argument. A positive mode selects the branch for a positive argument, or for a positive difference
-of the arguments; a negative mode selects the other branch. Zero leaves the choice to the arguments, as above. The mode of
-`HeldTurn` is an angle: the argument is shifted by whole turns to within half a turn of it."""
+of the arguments; a negative mode selects the other branch. With mode zero, the arguments decide, as above. The mode of
+`HeldTurn` is an angle: whole turns are added to the argument until it differs from the mode by at most half a turn."""
 
 HeldAngle = _plain("HeldAngle")
 """atan2(y, x) with a mode, the sign of y. Where y has the other sign and x is negative, the result continues beyond
@@ -130,7 +130,7 @@ def Modulo(*arguments: object) -> Expr:
 
 
 def HeldModulo(*arguments: object) -> Expr:
-    """The remainder with a mode, which holds the integer quotient."""
+    """The remainder ``x - m n``; a mode determines the integer n, so that the remainder does not jump."""
     x, m, mode = map(expression, arguments)
     return x - m * HeldFloor(x / m, mode)
 

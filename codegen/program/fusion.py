@@ -13,9 +13,8 @@ from .store import Store
 def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool]) -> Block:
     """Combine blocks that run in sequence into one block.
 
-    A value that an earlier block stores is not loaded again, and only the last value of each place is stored. Each
-    place must be accessed through one store only. A field that blocks of one unit access through two stores must
-    therefore not be overwritten.
+    A value that an earlier block stores is not loaded again, and only the last value of each place is stored. This is right
+    only if all blocks access a place through the same store, or if no block overwrites it.
 
     Parameters
     ----------
@@ -23,7 +22,8 @@ def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store,
         Of the result.
     blocks : iterable of Block
     zero : callable (store, component) -> bool
-        Returns whether the place holds zero, or nothing of use, before the block runs. It is then neither loaded nor added to.
+        Returns whether the place contains zero or an unused value before the block runs. Then the block does not load the
+        place, and overwrites it instead of adding to it.
     """
     x = _Fusion(name, title, zero)
     for block in blocks:

@@ -32,7 +32,7 @@ class Layout:
     constants_size : int
         Total number of constants.
     numbers : list of float
-        Constants that differ within a kind but do not depend on parameters.
+        Constants that differ between units of a kind but do not depend on design parameters.
     angles : list of int
         Coordinates that are angles.
     driven_angles : list of int

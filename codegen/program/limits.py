@@ -33,12 +33,12 @@ class Limits:
     smallest: float
 
     def rounding(self, margin: float, power: int = 1) -> float:
-        """Convert a margin for rounding errors from double precision, to one significant digit. The margin grows with
-        the given power of the type's rounding error."""
+        """Convert a margin for rounding errors from double precision to this type, rounded to one significant digit. It is
+        proportional to `power` of the type's rounding error."""
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")
 
     def tiny(self, size: float, root: float) -> float:
-        """A size for double precision, increased so that ``size**root`` is a normal number in this type."""
+        """The given size, but increased if ``size**root`` would be too small for a normal number of this type."""
         return max(size, float(f"{2 * self.smallest ** (1 / root):.0e}"))
 
 

@@ -11,14 +11,14 @@ from .block import Block, Component, Statement, symbols_of
 from .passes import Step, in_order
 
 LONGEST = 3000
-"""Longest undivided block, in values that statements and stores read. Compile time depends on operations, and a sum of forty
-products is one statement."""
+"""A block is divided if its statements and stores read more values than this. Values are counted instead of statements, since
+compile time depends on operations, and a sum of forty products is one statement."""
 
 PART = 1000
 """Approximate length of a part."""
 
 WINDOW = 200
-"""A part may be longer or shorter by this much if fewer values are carried over as a result."""
+"""A part may be longer or shorter by this much, so that fewer values have to be kept for later parts."""
 
 
 def in_parts(
@@ -32,7 +32,7 @@ def in_parts(
     carried_over : callable (int, bool) -> (Store, component)
         Returns the place of a value that later parts need, from its number and whether there is one value per direction.
     is_stored : callable ((Store, component)) -> bool
-        Returns whether the block stores to this place; its loads then mean the former value.
+        Returns whether the block stores to this place. Loads from such a place read the value before the block runs.
 
     Returns
     -------
@@ -107,7 +107,7 @@ class _CarriedOver:
 
 
 def _ends(lengths: list[int], lives: list[tuple[int, int]]) -> list[int]:
-    """Boundaries of parts, where few values are carried over."""
+    """Boundaries of parts, chosen so that few values have to be kept for later parts."""
     count = len(lengths)
     change = [0] * (count + 1)
     for begin, end in lives:

@@ -17,7 +17,7 @@ Step = Statement | tuple[Store, str, Expr]
 """A statement, or a store."""
 
 MOST_FACTORS = 5
-"""Longest product that is searched for named parts."""
+"""Largest number of factors of a product in which the pass looks for parts that have names."""
 
 
 def propagate_copies(block: Block) -> Block:
@@ -52,7 +52,7 @@ def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
 
 
 def share_values(block: Block) -> Block:
-    """Give equal right sides one name, also right sides that differ only in sign."""
+    """Replace right sides that are equal, or that differ only in sign, by one named value."""
     named: dict[Expr, Expr] = {}
     unsigned: set[Hashable] = set()
     known: dict[Symbol, Expr] = {}
@@ -86,7 +86,7 @@ def _bare(term: Expr) -> Expr:
 
 
 def cancel_terms(block: Block) -> Block:
-    """``m - a -> g h`` where a is ``m - g h``: a known difference costs nothing and is exact."""
+    """``m - a -> g h`` where a is ``m - g h``: g h is already known, and the difference would lose digits."""
     sums: dict[Symbol, Expr] = {}
     statements = []
     for s in block.statements:
@@ -174,7 +174,8 @@ def share_factors(block: Block) -> Block:
 
 
 def _named_part(term: Expr, named: Mapping[Expr, Statement], s: Statement) -> Statement | None:
-    """Among statements that name some factors of a product, the statement that saves most, quotients first."""
+    """Of the statements whose right side is a part of the product, the one that saves most operations. A quotient comes
+    before products, since a division costs most."""
     if not term.is_Mul or len(term.args) < 3 or len(term.args) > MOST_FACTORS:
         return None
     found = []
@@ -277,7 +278,7 @@ def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, st
 def in_order(block: Block) -> list[Step]:
     """Statements in their order; each store follows as early as possible, after earlier stores to the same place.
 
-    The order goes from link to link, so a part works on few links and copies little.
+    In this order, the statements of one link are close together. A part of a block then needs few values of other parts.
     """
     made = {s.target: i for i, s in enumerate(block.statements)}
     waiting: dict[int, list[Step]] = {}

@@ -45,7 +45,7 @@ class Swept:
     lanes, inward : bool
         Whether it runs over directions; whether it runs from the tips to the ground.
     groups : str
-        For sweeps over all columns of a matrix at once: the columns on which a link works.
+        For sweeps over all columns of a matrix at once: the columns that the function of a link processes.
     then : str
         Another sweep, whose function for a link is called right after the function of this sweep.
     kinds : sequence of Kind
@@ -125,7 +125,7 @@ class Plan:
         Arrays that are computed before or by sweeps, with their sizes.
     layout : Layout
     addresses : callable (bool) -> Addresses
-        Returns the addresses for a target whose places in memory are numbers, or names.
+        Returns the addresses for a target in which places in memory are numbers (True) or names (False).
     """
 
     sweeps: dict[str, Swept]

@@ -26,8 +26,8 @@ PASSING_ADJOINTS = "adjoints that links pass on"
 ADJOINT_VALUES, ADJOINT_TANGENTS, GROUND_TWICE = "adjoints of values", "tangents of adjoints", "the ground's adjoint"
 NO_TANGENTS, KEPT_ADJOINTS, RESTORED_ADJOINTS = "no tangents", "copy of the adjoints", "adjoints from their copy"
 GROUND_GRADIENT = "the gradient by gravity's parameters"
-"""Preparations outside of the sweeps: constants from parameters; sines and cosines; the state of the ground, which accelerates by
--g or, for the mass matrix, not at all; memory of directions, or of one vector of weights, cleared before transposed sweeps."""
+"""Names of preparations outside of the sweeps: compute constants from parameters; compute sines and cosines; set the state of the
+ground, which accelerates by -g or, for the mass matrix, not at all; set memory of adjoints to zero before transposed sweeps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, tangents, transposed tangents, or tangents of these (`twice`).
+    """Evaluate the model's own formulas for some results; or their tangents, transposed tangents, or with `twice` the tangents
+    of the transposed tangents.
 
-    `backwards` without `lanes`: the transposed tangents for one vector of weights, as far as other steps read their results.
+    `backwards` without `lanes`: the transposed tangents for one vector of weights, but only results that other steps read.
     """
 
     name: str
@@ -107,14 +108,14 @@ class Prepare:
 
 @dataclass(frozen=True, slots=True)
 class Own:
-    """From here on an array lies in memory of the call."""
+    """From this step on, an array uses memory that exists during the call only."""
 
     array: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Bind:
-    """From here on an array uses the memory of another array, or of an argument, a seed or a result."""
+    """From this step on, an array uses the memory of another array, or of an argument, a seed or a result."""
 
     array: Array
     to: Array
@@ -122,8 +123,8 @@ class Bind:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """From here on an array is a copy in memory of the call, whose entries may change; the original is called
-    `given`."""
+    """From this step on, an array is a copy of the caller's array, whose entries may change. The caller's array gets the
+    name `given`."""
 
     array: Array
     given: Array
@@ -138,7 +139,7 @@ class Zero:
 
 @dataclass(frozen=True, slots=True)
 class Copy:
-    """Copy all entries of an array; if one of the arrays is a result, its only memory is the caller's."""
+    """Copy all entries of an array to another. If one of the two is a result, it uses the caller's memory."""
 
     to: Array
     of: Array
@@ -183,7 +184,7 @@ class Combine:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Return from the function at this step if a pivot was zero."""
+    """Return from the function at this step if a sweep has found a zero pivot."""
 
     lanes: bool = False
 
@@ -215,12 +216,12 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """Run sweeps over directions to compute a value: over one direction, before they run over those of the seeds.
+    """Run sweeps over directions with a single direction, to compute a value; they run over the seeds' directions later.
 
     Attributes
     ----------
     reads, writes : tuple of (Array, Array)
-        Arrays of the sweeps, with the arguments and results that they stand for.
+        Pairs of an array of the sweeps and the argument or result that it stands for.
     """
 
     steps: tuple[Run | Formulas, ...]
@@ -239,15 +240,14 @@ class Take:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """For each entry of an array, or some entries: run steps with a one there and zeros elsewhere. They give one column of
-    matrices.
+    """Compute matrices column by column: for each entry of an array, run steps with this entry one and all others zero.
 
-    If the array has directions, each pass of the steps computes one column per direction.
+    If the array has directions, each run of the steps computes one column per direction.
 
     Attributes
     ----------
     unit : Array
-        Array that gets the one; zero before and after.
+        The array in which one entry is set to one; it is zero before and afterwards.
     steps : tuple of Step
     takes : tuple of Take
     among : tuple of int, optional
@@ -262,7 +262,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True)
 class AllColumns:
-    """Compute columns of matrices, all at once or at most `width` at a time; each link works on the columns that depend on it.
+    """Compute columns of matrices, at most `width` at a time. The function of a link processes the columns that it affects.
 
     Attributes
     ----------
@@ -282,11 +282,11 @@ class AllColumns:
     width : int
         Largest number of columns at a time.
     symmetric : bool
-        Whether these are columns of one symmetric matrix, where each link works on the columns of later links only.
+        Whether these are columns of one symmetric matrix, of which the function of a link needs those of later links only.
     groups : str
-        Columns on which a link works in the last sweep; see `mechanics.sweeps.Sweep.groups`.
+        Columns that the function of a link processes in the last sweep; see `mechanics.sweeps.Sweep.groups`.
     by_turns : tuple of str
-        Sweeps whose functions alternate with the functions of another sweep.
+        Sweeps whose function for a link is called right after that of another sweep (`Sweep.then`).
     """
 
     units: tuple[tuple[Array, int], ...]
@@ -319,8 +319,8 @@ class AllColumns:
 
 @dataclass(frozen=True, slots=True)
 class Weighted:
-    """Adds to a column of a matrix: a column of a symmetric matrix times the derivative of a formula with respect to one
-    argument.
+    """Adds a column of a symmetric matrix, times the derivative of a formula with respect to one argument, to a column of
+    another matrix.
 
     Attributes
     ----------
@@ -329,9 +329,9 @@ class Weighted:
     into : Array
     column : int
     seed : Array
-        Seed of the argument; its entry number is the column.
+        Seed of the argument; the number of the column is the number of the seed's entry.
     direction : int
-        Direction with a one in this entry. Formulas without a common argument share directions.
+        Direction in which this entry of the seed is one. Formulas without a common argument share directions.
     """
 
     entry: int
@@ -387,9 +387,9 @@ class Procedure:
     member : str
         Name of the solver's method, if it differs.
     basic : bool
-        Whether consistent states need it; a solver with selected functions always has it.
+        Whether the function is needed to make states consistent. Then every solver has it, whichever functions are selected.
     apart : tuple of int
-        Further widths, for integration over time; compiled on first use.
+        Further numbers of directions, for integration over time; these variants are compiled on first use.
     modes : Array or None
         If given, a variant exists with this further argument, the modes of the model's switches.
     internal : bool
@@ -431,7 +431,7 @@ class Procedure:
         return frozenset(r.name for r in self.results if r.name in found)
 
     def held(self) -> dict[str, Array]:
-        """Names of the unchanged originals of arrays that routines copy."""
+        """The caller's arrays that steps `Hold` copy, by the names that these steps give them."""
         return {s.array.name: s.given for s in walk(self.steps) if isinstance(s, Hold)}
 
 

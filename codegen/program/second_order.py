@@ -1,8 +1,8 @@
-"""Forward over reverse: from a block of values to its tangent, its adjoint, and the tangent of its adjoint.
+"""Forward over reverse differentiation: the tangent of a block, its adjoint, and the tangent of its adjoint.
 
-The adjoint of a block is the transpose of its tangent, for one vector of weights: all of its values are scalars. The
-tangent of the adjoint along directions gives products with second derivatives. Both tangents are made by the same
-function from the derivative primitives of the statements, so no second derivative is written by hand.
+The adjoint of a block is the transpose of its tangent, for one vector of weights, so each of its values is a single number.
+The tangent of the adjoint along directions gives products with second derivatives. One function makes both tangents from the
+derivative primitives of the statements, so no second derivative is written by hand.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Further = Callable[[Tangents], list[tuple[Store, str, Expr]]]
 
 
 def nothing(d: Tangents) -> list[tuple[Store, str, Expr]]:
-    """The `Further` of a block without further stores."""
+    """The default of `further`: no stores besides the tangents of stored values."""
     return []
 
 
@@ -44,7 +44,7 @@ def along(
     Parameters
     ----------
     x : Expansion
-        The block, see `Expansion.resume`.
+        The expansion that continues the block, as `Expansion.resume` returns it.
     tangent_of : callable (Store, str) -> (Store, str) or None
         Returns the place of the tangent of a component; None if it has none.
     primitives : callable (Expansion) -> (dict, mapping)
@@ -105,7 +105,7 @@ def _differentiate(d: Tangents, statement: Statement) -> None:
 
 
 def _value(d: Tangents, e: Expr) -> Expr:
-    """Tangent of a sum with such products: ``d(b c) = db c + b dc``."""
+    """Tangent of a sum that contains products with possibly infinite factors: ``d(b c) = db c + b dc``."""
     special = _guarded(e)
     plain = algebra.add(*(t for t in (e.args if e.is_Add else (e,)) if t not in special))
     terms = [d.expression(plain)]
@@ -134,9 +134,9 @@ def adjoint(block: Block, name: str, title: str, place: Callable[[Store], Store]
     block : Block
         The tangent, see `along`.
     name, title : str
-        Of the result.
+        Name and title of the adjoint.
     place : callable (Store) -> Store
-        Returns the store of the adjoints of a store of tangents; none of them has directions.
+        Returns the store of the adjoints of a store of tangents; adjoints do not have one value per direction.
     nonzero : callable (Store, str) -> bool
     """
     found = transpose(block, name, title, place, nonzero)

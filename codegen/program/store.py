@@ -69,7 +69,7 @@ class Store:
     Attributes
     ----------
     name : str
-        In the names of generated variables.
+        Part of the names of generated variables.
     owner : Owner
     memory : Memory
     adds : bool
@@ -146,4 +146,4 @@ _ARGUMENTS: dict[tuple[str, bool], Store] = {}
 
 
 MODES = argument("modes")
-"""Modes of the model's switches: the sign of each switching function that an integrator's step assumes, or zero."""
+"""Modes of the model's switches: the sign that an integration step assumes for each switching function, or 0 for none."""

@@ -3,12 +3,11 @@
 A block over directions has a scalar part and a part that is linear in the values per direction. Each statement of the
 linear part is ``t = sum_i c_i s_i`` with scalar ``c_i``. The transpose goes from the last statement to the first and
 adds ``c_i t_bar`` to every ``s_i_bar``. It reads the adjoints of fields that the block stores, and adds to the adjoints
-of fields that the block loads. The adjoint of a field is stored in the place of the field. So ``lambda^T J`` costs
-about as much as ``J v``, whatever the number of parameters. No tape is kept: the scalars are recomputed from the same
-inputs.
+of fields that the block loads. The adjoint of a field uses the memory of the field. So ``lambda^T J`` costs about as much
+as ``J v``, whatever the number of parameters. Scalars are not recorded but computed again from the same inputs.
 
-A store that overwrites a place ends the life of its adjoint, which is cleared if the place may be used again (`Cleared`). A place
-that is loaded, added to and stored again keeps its adjoint.
+If the block overwrites a place, its transpose sets the adjoint of the place to zero, unless the adjoint is never used again
+(`Cleared`). If the block loads a place, adds to the value and stores it again, the adjoint stays unchanged.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from .passes import drop_dead
 from .store import Store
 
 Cleared = Callable[[Store, str], bool]
-"""Whether the adjoint of a stored component must be zero afterwards. It need not be zero for results that are never
-overwritten."""
+"""A function that returns whether the adjoint of a stored component must be zero after the transpose. This is not needed for
+results that are never overwritten."""
 
 Nonzero = Callable[[Store, str], bool]
-"""Whether the adjoint of a stored component can differ from zero."""
+"""A function that returns whether the adjoint of a stored component can differ from zero."""
 
 
 def _never(store: Store, name: str) -> bool:
@@ -41,7 +40,7 @@ def always(store: Store, name: str) -> bool:
 
 
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
-    """Return the scalar factors of an expression that is linear in some symbols.
+    """Return the scalar factor of each symbol in an expression that is linear in the given symbols (`lanes`).
 
     Raises
     ------
@@ -94,14 +93,14 @@ def _scaled(operation: Operation, *factors: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Kept:
-    """Scalars that blocks over directions store. They are computed in advance and kept.
+    """The scalars that an earlier sweep has computed and stored for transposes.
 
     Attributes
     ----------
     holds : callable (store, component) -> bool
-        Returns whether a component is one of them.
+        Returns whether a component is one of these scalars.
     place : callable (store) -> Store
-        Returns the store in which they are kept.
+        Returns the store from which transposes load the component.
     final : callable (store) -> bool
         Returns whether no other block adds to the store, so that the value need not be recomputed.
     """
@@ -126,7 +125,7 @@ class Kept:
 def values(
     block: Block, name: str, title: str, kept: Kept, also: Callable[[Store], bool] = lambda store: False
 ) -> Block:
-    """The part of a block over directions that computes and stores kept scalars, and the stores selected by `also`."""
+    """The part of a block over directions that computes and stores scalars for transposes, and the stores that `also` selects."""
     found = Block(name, title)
     found.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     found.statements = [s for s in block.statements if not s.lanes]

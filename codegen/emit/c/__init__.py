@@ -37,7 +37,7 @@ C = Target(
 """Reserved words of C up to C23, and names that GNU C defines."""
 
 OF_THE_LIBRARY = tuple(dict.fromkeys(f for f in C.functions.values() if f.islower()))
-"""Functions of the C library in generated code; for types other than double a suffix is appended."""
+"""Functions of the C library that generated code calls; for types other than double a suffix is appended."""
 
 
 def library_function(name: str, scalar: Scalar) -> str:

@@ -17,26 +17,26 @@ from .printer import CPrinter
 from .types import NUMBER_TYPE
 
 FEW = 60
-"""Largest number of values common to all directions that are computed before the loop over vectors."""
+"""Values common to all directions are computed before the loop over vectors if there are at most this many."""
 
 
 class BlockLines:
     """Writes the lines of one block.
 
     Results that are stored once for all directions are computed before the loop over vectors. Other values common to
-    all directions stay in the order of the block: compilers move them out of the loop, and know better which of them
-    to keep in registers. Functions that run once for each member of a kind are different. Their rows have a variable
-    index, so compilers must assume that stored vectors change what such values depend on. They are computed just before
-    the loop if they are few (`FEW`).
+    all directions stay inside the loop, in the order of the block: compilers move them out of the loop, and know better
+    which of them to keep in registers. But in functions that run once for each member of a kind, rows have a variable
+    index, so compilers must assume that stored vectors overwrite the operands of such values. There, these values are
+    computed just before the loop if they are few (`FEW`).
 
     Attributes
     ----------
     body, common, passes : list of str
-        Lines before that loop, which end with values common to all directions, and lines inside it.
+        Lines before the loop over vectors; values common to all directions, just before it; lines inside it.
     pointers : dict of str to str
         Declarations of variables for rows of memory.
     waiting : dict
-        Pending loads: their number, the list that receives them, and their line.
+        Loads that have not been written yet: their number, the list that receives their line, and the line.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class BlockLines:
         return f"{variable}{at.text}{along}"
 
     def _loads(self, names: dict[str, str]) -> dict[str, str]:
-        """Prepare all loads; return the expressions of those that need no variable."""
+        """Prepare the lines of all loads; return the expressions of loads that need no variable."""
         overwritten = {(at.row, at.text) for at in self.stored}
         once = read_once(self.block) - {Symbol(name) for name in names}
         direct: dict[str, str] = {}
@@ -132,7 +132,7 @@ class BlockLines:
         return [*self.pointers.values(), *self.body, *self.common, *passes]
 
     def _lines_with(self, symbol: Symbol) -> list[str]:
-        """The lines to which the line of a value belongs on which no result that is stored once depends."""
+        """The list of lines that receives the line of a value, if no result that is stored once depends on the value."""
         return self.common if symbol in self.few else self.passes
 
     def _value(self, e: Expr) -> str:
@@ -165,8 +165,8 @@ def stored_once(block: Block) -> set[Symbol]:
 
 
 def few_common(block: Block) -> set[Symbol]:
-    """Values common to all directions that only the loop over vectors needs, with the loads on which they depend; none
-    if more than `FEW` of them have a variable."""
+    """Values common to all directions that are needed inside the loop over vectors only, and the loads on which they
+    depend. Empty if more than `FEW` of them have a variable."""
     computed = {s.target for s in block.statements if not s.lanes}
     loaded = {s for s, (store, _) in block.loads.items() if not store.lanes}
     count = len((computed | (loaded - read_once(block))) - stored_once(block))
@@ -212,7 +212,7 @@ def in_full(at: Located) -> str:
 
 
 def is_array(row: str) -> bool:
-    """Whether a row is an array of a call at a fixed offset; such a row needs no variable."""
+    """Whether a row is an array in the memory of the call, at a fixed offset; such a row needs no variable."""
     start, _, offset = row.partition(" + ")
     return start.startswith("a->") and (offset or "0").isdigit()
 

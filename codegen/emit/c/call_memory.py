@@ -12,13 +12,13 @@ from ...records import dataclass
 
 @dataclass(slots=True)
 class Memory:
-    """Memory that procedures need in addition to the memory of the sweeps: pointers in the two structs of a call (one
-    for values, one for values per direction), and arrays of the call.
+    """The pointers and arrays of the call that procedures need. The pointers are members of the two structs of a call: one
+    for values, one for values per direction.
 
     Attributes
     ----------
     fields, lane_fields : dict of str to bool
-        Arrays by name; the value is true if they are written.
+        Names of arrays to which the structs have pointers; the value is true if some function writes the array.
     numbers : dict of str to bool
         Arguments that are passed by value; the value is true if they are written.
     own : dict of Array to int
@@ -93,7 +93,7 @@ def call_memory(procedures: tuple[Procedure, ...]) -> Memory:
 
 
 def read_apart(procedure: Procedure, array: Array) -> bool:
-    """Whether an argument is an array for one direction."""
+    """Whether an argument is an array for the single direction of a `Single` step."""
     return any(of is array or of == array for s in procedure.steps if isinstance(s, steps.Single) for _, of in s.reads)
 
 

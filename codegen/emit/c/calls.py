@@ -22,7 +22,7 @@ SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "
 list."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
-"""Functions whose results may be infinite; the caller checks the results."""
+"""Functions whose results may be infinite or NaN, so that the caller checks them."""
 
 _WITH_DEFAULT = ("p", "inputs")
 """Arguments with default values, which callers may omit."""
@@ -68,8 +68,8 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
 
 
 def _function(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
-    """The call of one header function. In the lanes, derivatives follow the seeds. ``entries`` has the sizes of
-    results, negative for derivatives."""
+    """The template data for the call of one header function. In the array of lanes, derivatives follow the seeds.
+    ``entries`` lists the sizes of results, with a minus sign for derivatives."""
     at = 0
     passed = [f"c->{a}" if a == "t" or a in _WITH_DEFAULT else f"X({a.upper()})" for a in f["arguments"]]
     entries = []
@@ -101,8 +101,8 @@ def _call(start: str, passed: list[str]) -> list[str]:
 
 
 def _points(model: str, functions: Mapping[str, Any], real: str) -> list[dict[str, Any]]:
-    """The functions for points of bodies that `Solver.points` calls, if the package has frames. The returned lines also
-    compute the positions of the model's points where these depend on parameters."""
+    """The template data of the functions for points of bodies that `Solver.points` calls, if the package has frames. If
+    positions of the model's points depend on parameters, these functions compute the positions too."""
     found = []
     for name, frames, places, given, parts in (
         ("points", "frames", "point_places", "given & 1L << P", 1),

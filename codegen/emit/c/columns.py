@@ -1,7 +1,7 @@
 """Columns of matrices computed all at once, in C: the column groups of each link, seeds, and destinations.
 
-Four columns form a group. The bits of an integer say on which groups a link works. If all columns fit into memory, these integers
-are constants; otherwise each call computes them for its columns.
+Four columns form a group. For each link, the bits of an integer say which groups its function processes. If all columns fit into
+memory, these integers are constants; otherwise each call computes them for its columns.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class ColumnsInC:
 
     @property
     def entry(self) -> str:
-        """C expression, for a macro, of the index in u that belongs to column j; j itself if links are in the order of
-        speeds."""
+        """C expression, for a macro, of the index in u of the speed to which column j belongs. It is j if the links are in
+        the order of their speeds."""
         symmetric = [s for s in self.steps if s.symmetric]
         return "(j)" if all(i == j for s in symmetric for j, (_, i) in enumerate(s.units)) else "ENTRY(of, j)"
 
@@ -154,7 +154,8 @@ def fits(step: AllColumns) -> bool:
 
 
 def groups_of_links(step: AllColumns) -> dict[str, list[int]]:
-    """For each link and mask, the groups of columns on which it works, as bits; see `mechanics.sweeps.Sweep.groups`."""
+    """For each mask, a list with one integer per link, whose bits are the groups of columns that the link's function
+    processes; see `mechanics.sweeps.Sweep.groups`."""
     every = (1 << -(-step.starts[-1] // GROUP)) - 1
     found: dict[str, list[int]] = {mask: [] for mask in MASKS}
     for parent, begin, end in zip(step.parents, step.starts, step.starts[1:], strict=False):
@@ -178,7 +179,7 @@ def into_symmetric(step: AllColumns) -> bool:
 
 
 def in_blocks(step: AllColumns) -> bool:
-    """Whether a symmetric matrix is filled in square blocks, which needs all columns in the order of the rows."""
+    """Whether a symmetric matrix is filled in square blocks; this requires all columns at once, in the order of the rows."""
     return into_symmetric(step) and fits(step) and all(i == j for j, (_, i) in enumerate(step.units))
 
 
@@ -188,7 +189,7 @@ def known_of(step: AllColumns) -> str:
 
 
 def known_rows(step: AllColumns) -> list[int]:
-    """For each block on or above the diagonal of a symmetric matrix, row by row: the rows on which links work, as bits."""
+    """For each block on or above the diagonal of a symmetric matrix, row by row: the rows that are computed, as bits."""
     worked = groups_of_links(step)[step.groups]
     by_row = [worked[i] for i, (begin, end) in enumerate(pairwise(step.starts)) for _ in range(begin, end)]
     count = -(-len(by_row) // GROUP)
@@ -262,8 +263,8 @@ def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]
 
 
 def primitives(step: Primitives, array: Written, call: str, scalar: Scalar) -> list[str]:
-    """Lines that compute the weights: all formulas, along as many directions as are needed to separate their
-    arguments."""
+    """Lines that compute the weights: derivatives of all formulas, along as few directions as possible. Formulas with
+    different arguments share directions."""
     units, seeds = _units(step)
     n, of = len(units), "primitive_units[i]"
     entry = f"seeds[{of}[0]] + {of}[1]"

@@ -1,4 +1,4 @@
-"""Long functions of links, divided into parts, in C: values that one part passes to the next, and linkage of parts."""
+"""Functions of links that are so long that they are divided into parts, in C: passed values, and linkage of the parts."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def carried_over(number: int, along: bool) -> Component:
 
 
 def in_stack(place: Place, real: str) -> Place:
-    """Places of components in a part: carried-over values are in arrays, other components where the undivided function
-    has them."""
+    """The function that returns places of components in a part: values passed between parts are in arrays on the stack; all
+    other components have the same places as in the undivided function."""
 
     def placed(store: Store, name: str) -> Located:
         for along, of in CARRIED_OVER.items():
@@ -68,7 +68,8 @@ def arrays_used(part: Block, real: str) -> list[tuple[str, str]]:
 
 
 def linkage(shared: str) -> list[str]:
-    """Lines that set the linkage of parts; under the given condition, the units of a library share them."""
+    """Lines that set the linkage of parts: external if the condition `shared` holds, so that the compile units of a library
+    share them; otherwise static."""
     return ["#undef PART", f"#if {shared}", "#define PART SHARED_PART", "#else", "#define PART STATIC_PART", "#endif"]
 
 

@@ -1,8 +1,8 @@
 """The functions of a C header: the lines of a procedure's steps, their memory, declarations, and loops over batches.
 
-The struct ``c`` holds the values of a call, ``d`` its values per direction; ``d`` is opened before the first step over
-directions. Routines get one of the two as ``a``. Arrays are pointers in these structs, to the caller's memory or to the
-workspace.
+The struct ``c`` has the values of a call, ``d`` those per direction; the latter is initialised before the first step over
+directions. Routines get a pointer ``a`` to one of the two. Arrays are pointers in these structs, to the caller's memory or
+to the workspace.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ class CFunctions:
         return Function(routine.doc, head, [*lines, "return 0;"] if status else lines)
 
     def function(self, procedure: Procedure) -> Function:
-        """A function of the header; a function over directions has the current width."""
+        """A function of the header. A function over directions is for ``WIDTH`` directions, a macro."""
         modes = procedure.modes is not None
         name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
         head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, self.scalar.word, modes)
@@ -169,8 +169,7 @@ class Lines:
     """Writes the lines of one function, or of one routine."""
 
     takes_modes = True
-    """Whether functions pass on the modes of switches that their procedure takes; otherwise a null pointer stands for
-    them."""
+    """Whether the function passes modes of switches to sweeps. If its procedure takes none, it passes a null pointer."""
 
     def __init__(self, of: CFunctions, procedure: Procedure | None, lanes: bool):
         self.functions = of
@@ -286,7 +285,7 @@ class Lines:
         return {r.name: self.caller(r, True) for r in p.results if r.lanes == lanes and r.name not in apart}
 
     def open(self) -> list[str]:
-        """Lines at the beginning of a part of a call over directions."""
+        """Lines that initialise the struct for values per direction."""
         p = self.procedure
         assert p is not None
         self.opened = True
@@ -446,7 +445,7 @@ class Lines:
         return [*lines, f"    for (int l = 0; l < m; ++l) {self.array(unit)}[{at}] = NOTHING;", "}"]
 
     def columns_of_values(self, step: steps.Columns) -> list[str]:
-        """Lines that compute one column in each pass, in all directions of its tangent together."""
+        """Lines that compute one column of values in each pass, together with its tangents in all directions."""
         if not step.unit.size:
             return []
         unit = self.array(step.unit)

@@ -120,8 +120,8 @@ class CLanguage(Writer):
     def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
         """Place of a component in a row of known layout."""
         if region == "near":
-            # a plain array, so that compilers must assume that it overlaps the records: otherwise they move its loads
-            # until registers run out
+            # a plain array, so that compilers must assume that it overlaps the records. Otherwise they move its loads
+            # so far forward that registers run out
             place = f"[{near_name(self.layout.near_forms[sweep], name)}]"
             return Located(
                 variable,

@@ -1,4 +1,4 @@
-"""The text that explains names at the beginning of a C header and its source."""
+"""The text at the beginning of a C header and of its source, which explains the names."""
 
 from __future__ import annotations
 

@@ -24,9 +24,9 @@ FOUR = "four"
 """Name of the library with functions for four directions, which integration uses: ``NAME_four.c``."""
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
-"""Functions of the first library over one and two directions. They have a library of their own, because many users
-never call them and they would take a third of gcc's time. Once a solver has opened that library, the first library
-calls them."""
+"""Functions of the first library over one and two directions. They are in a separate library, because many users never
+call them and gcc would spend a third of its time on them. Once a solver has opened this library, the first library calls
+its functions."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
@@ -41,7 +41,7 @@ _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions
 """Functions for integration that another library contains as well."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
-"""Functions of `_MOTION` that Python calls when a motion changes its independent coordinates."""
+"""Those functions of `_MOTION` that Python also calls, when a motion changes its independent coordinates."""
 
 
 def library_of(function: str) -> str:
@@ -156,11 +156,11 @@ def guard_of_library(function: str) -> str:
 
 
 def libraries(functions: Mapping[str, Any], divided: bool) -> dict[str, Any]:
-    """The entry of the manifest: for each library its number, units and functions, and functions of other libraries that it
-    contains, too. The library over few directions lists the widths of its functions.
+    """The entry ``libraries`` of the manifest: for each library its number, its compile units, its functions, and functions
+    that another library contains as well. The library over few directions lists the widths of its functions.
 
-    The second unit of the first library runs almost everything that the first unit runs. If no sweep is `divided` between the
-    two, the library is compiled in one piece, which takes no longer than the second unit alone.
+    The functions of the second unit of the first library run almost all sweeps that those of the first unit run. If no sweep
+    is `divided` between the two, the library is compiled as one unit, which takes no longer than the second unit alone.
     """
     found: dict[str, dict[str, Any]] = {}
     units = _units({name: f.get("widths", ()) for name, f in functions.items()})

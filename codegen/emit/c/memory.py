@@ -84,14 +84,13 @@ class CMemory(CSweeps):
         return found
 
     def used_forms(self, forms: dict[str, str], fields: dict[str, dict[str, int]]) -> dict[str, list[str]]:
-        """Sweeps by equal sets of fields: for each set, the first sweep that has these fields, and all sweeps that have
-        them."""
+        """Sweeps with equal fields: maps the first of these sweeps to all of them."""
         users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
         return {sweep: found for sweep, found in users.items() if found}
 
     def near_names(self) -> list[tuple[str, list[str]]]:
-        """Places in the scratch shared by neighbouring links: for each set, the sweeps that use it and the lines of an
-        enum."""
+        """Places in the scratch shared by neighbouring links: for each set of fields, the sweeps that have it, and the lines
+        of an enum with the places."""
         layout = self.layout
         return [
             (f"In {', '.join(users)}.", members(layout.near[sweep], "", ",", partial(near_name, sweep)))

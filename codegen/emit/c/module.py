@@ -85,7 +85,7 @@ class CWriter(CPrepared):
         _ = self.swept
         of_sweeps = self.regions()
         own = [("own", False, memory.size)] if memory.size else []
-        # the call's own arrays precede the lanes; behind the lanes, some functions would be a tenth slower
+        # the arrays of the call come before the lanes; after the lanes, some functions were a tenth slower
         regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
         values: dict[str, int] = {}
         lanes: dict[str, int] = {}
@@ -165,8 +165,8 @@ class CWriter(CPrepared):
         return [*lines, *inclusions(name, [w for w in used if w not in apart], guards)]
 
     def flat_tables(self) -> list[tuple[str, list[str]]]:
-        """Declarations and lines of tables without rows: numbers; and the list of angles, unless the angles are the
-        first coordinates."""
+        """Declarations and lines of tables that are plain lists: numbers, offsets of angles and, unless the angles are the
+        first coordinates, indices of angles."""
         numbers, angles = [self.text(v) for v in self.layout.numbers], self.layout.angles
         found = (
             [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]
@@ -197,14 +197,14 @@ def fills_lanes(procedure: Procedure) -> bool:
 
 
 def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
-    """Guard lines around code that only some widths need."""
+    """Preprocessor lines before and after code that only some widths need."""
     if sorted(widths) == sorted(used):
         return [], []
     return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
 
 
 def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingProxyType({})) -> list[str]:
-    """Lines that include the functions over directions once for every width; the last definition of ``WIDTH`` remains.
+    """Lines that include the functions over directions once for every width. ``WIDTH`` stays defined as the last width.
 
     Some widths are in libraries of their own, by the conditions of `guards`.
     """

@@ -183,8 +183,8 @@ def write_precise(
     }  # fmt: skip
 
     def function(f: str, lanes: int, width: int) -> dict[str, Any]:
-        """Data for the call of a function: `lanes` directions are given, and `width` directions are computed; both are
-        0 without directions."""
+        """Data for the call of a function with `lanes` directions by a function that computes `width` directions; both are
+        0 for a function without directions."""
         seeds, results = (functions[f].get(key, ()) for key in ("seeds", "results"))
         along = [r for r in results if r.removeprefix("d") in sizes and r not in sizes]
         return {

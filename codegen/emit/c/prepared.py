@@ -12,8 +12,8 @@ from .memory import CMemory
 from .types import TWICE, TYPES, near_name
 
 FEW_ANGLES = 16
-"""Up to this number of angles, each angle is a variable; with more angles, values are in memory well before they are
-read."""
+"""Up to this number of angles, sine and cosine of each are computed in variables. With more angles they are stored in memory,
+where they arrive well before they are read."""
 
 
 class CPrepared(CMemory):
@@ -111,7 +111,7 @@ class CPrepared(CMemory):
         return [f"for (int i = 0; i < {self.layout.rows[to]}; ++i) {{", *copies, "}"] if copies else []
 
     def assigned(self, region: str) -> bool:
-        """Whether the first contributions to the memory of a region assign instead of adding."""
+        """Whether first contributions to a region of memory are assigned, so that it need not be set to zero before."""
         blocks = [b for of in self.blocks.values() for b in of.values()]
         return any(not a.adds and a.memory.region == region for b in blocks for a, _, _ in b.stores)
 

@@ -17,17 +17,17 @@ class Sines:
     quarter_turns : str
         2/pi.
     shift : str
-        Number whose addition rounds to an integer, which is then in the last bits of the sum.
+        Number that is added to round to an integer; the integer is then in the last bits of the sum.
     parts : tuple of str
         Summands of pi/2; products of the first two with a number of quarter turns are exact.
     limit, exact : str
-        Angle above which the C library is used; power of two of quarter turns up to which products are exact.
+        Angle above which the C library is called; number of quarter turns up to which the products of `parts` are exact.
     sine, cosine : tuple of str
         Coefficients of powers of the square, after the terms ``r`` and ``1 - r^2/2``.
     accuracy : str
         Accuracy of the results, in words.
     sign : int
-        Shift, in bits, from the bit of the half turn to the sign bit.
+        Number of bits by which the bit of half turns is shifted to become the sign bit.
     """
 
     quarter_turns: str

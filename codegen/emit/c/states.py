@@ -26,8 +26,8 @@ OVER_STATES = ("accelerations", "sensitivities", "sensitivities_transposed")
 """Functions that exist for several states at once."""
 
 DIRECTIONS = max(WIDTHS)
-"""Number of directions in each pass of a sweep. Lanes hold states here, so each statement takes one direction after the
-other."""
+"""Number of directions in each pass of a sweep. Lanes of vectors contain states here, so each statement processes the
+directions one after the other."""
 
 OF_TWO = (*named("c", lambda e: e.arity == 2), "pow")
 """Functions of the C library that have two arguments."""
@@ -41,8 +41,8 @@ def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
 def directions_at_once(procedure: Procedure) -> int:
     """Number of directions that a pass of a function processes.
 
-    A gradient mostly has one vector of weights. With memory for eight vectors, its values would lie so far apart
-    that only an eighth of a cache would be used.
+    Gradients are mostly computed for one vector of weights. With memory for eight vectors, only an eighth of each cache line
+    would be used.
     """
     return min(WIDTHS) if procedure.name.endswith("_transposed") else DIRECTIONS
 
@@ -64,7 +64,7 @@ def widths_of_states(procedures: list[Procedure]) -> dict[int, str]:
 
 
 class StateLines(Lines):
-    """Writer of the lines of one function over several states: its values and, separately, everything over directions."""
+    """Writes the lines of one function over several states: first those for values, then separately those over directions."""
 
     takes_modes = False
 
@@ -120,7 +120,7 @@ class StateArray:
 
 
 def one_function(lines: CFunctions, p: Procedure, written: Collection[str], guard: str) -> tuple[dict[str, Any], int]:
-    """The data of one function for the template, and the vectors of workspace for its arrays.
+    """The template data of one function, and the size of the workspace for its arrays, in vectors.
 
     `written`: names of arrays that some function over states writes.
     """
@@ -193,7 +193,7 @@ def write_states(context: dict[str, Any]) -> str:
 
 
 def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
-    """The data that ``on_threads.h`` of the run time needs to run batches on threads; `arrays` are the arrays of the
+    """The C text of ``NAME_threads.c``, which includes ``on_threads.h`` of the run time; `arrays` are the arrays of the
     struct of a batch."""
     each = [f"DO({array})" for array in arrays]
     rows = [" ".join(each[i : i + 8]) for i in range(0, len(each), 8)]

@@ -68,7 +68,8 @@ class CSweeps(CLanguage):
 
     @cached_property
     def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
-        """For each sweep, formula or routine, by name and width: the functions that call it, with their own widths."""
+        """By name of a sweep, formula or routine, and by the width with which it runs: the functions that call it, with the
+        widths of these functions."""
         found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
         for p in self.asked:
             for name in called_once(p):

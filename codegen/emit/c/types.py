@@ -45,7 +45,7 @@ LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns", *TWICE)
 
 
 NUMBER_TYPE = "number"
-"""Element type of tables of numbers; it stays scalar where a double holds several states."""
+"""Element type of tables of numbers: a single number, even if the type of values is a vector with several states."""
 
 UNUSED_WORK = ["(void)work;"]
 """Statement that marks the workspace as unused in a function that needs no memory."""
@@ -55,8 +55,8 @@ MEMBERS, COMMENTED = 100, 120
 
 
 SHARES = {1: 3, 2: 2}
-"""The ratio in which the units of a library share the lines of long functions; the second unit gets fewer, since it
-has more functions over directions."""
+"""The ratio in which the lines of long functions are divided among the compile units of a library. The second unit gets
+fewer, because it contains more functions over directions."""
 
 
 @dataclass(frozen=True, slots=True)

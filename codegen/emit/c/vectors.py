@@ -53,7 +53,7 @@ def states(scalar: Scalar) -> list[str]:
 
 
 def parts(scalar: Scalar) -> list[str]:
-    """Lines that load the 16-byte parts of rows into vectors of states, and exchange the entries of these vectors."""
+    """Lines that load 16-byte parts of the rows of several states, and transpose them to vectors of states."""
     if not scalar.integer:
         return []
     part = 16 // scalar.bytes
@@ -79,7 +79,7 @@ def short(scalar: Scalar, sizes: Iterable[int]) -> list[int]:
 
 
 def short_rows(scalar: Scalar, sizes: Iterable[int]) -> list[str]:
-    """The functions that move rows of these sizes, stored without gaps, between memory and vectors of states."""
+    """The functions that copy rows with these numbers of entries, stored without gaps, to vectors of states and back."""
     comment = ["/* Contiguous rows with fewer entries than a part fill whole vectors. */"] if sizes else []
     return comment + by_set(
         scalar, lambda lanes: [line for n in sizes for line in (*_take(n, lanes), *_give(n, lanes))]
@@ -94,7 +94,7 @@ def _take(n: int, lanes: int) -> list[str]:
         if lanes % n == 0:  # here n is 2
             body += [f"to[{c}*apart] = {_chosen('x0', 'x1', order)};"]
             continue
-        # each of these entries is in another lane: first blend the vectors, then put the lanes in order
+        # the entries c of all states are in different lanes: first blend the vectors, then put the lanes in order
         source = [next(s for s in range(n) if (s * lanes + i) % n == c) for i in range(lanes)]
         body += _blended(f"y{c}", source, n)
         body += [f"to[{c}*apart] = {_chosen(f'y{c}', f'y{c}', [entry % lanes for entry in order])};"]

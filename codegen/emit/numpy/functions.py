@@ -45,7 +45,7 @@ class NumpyFunctions:
     prepared : callable (str) -> list of str
         Returns lines for a preparation; see `Prepare`.
     pivots : callable (str) -> bool
-        Returns whether a sweep checks pivots. Such a sweep divides by pivots before zero pivots are reported.
+        Returns whether a sweep checks pivots. Its statements may divide by zero before the zero pivot is reported.
     """
 
     def __init__(self, prepared: Callable[[str], list[str]], pivots: Callable[[str], bool]):

@@ -204,8 +204,8 @@ class NumpyWriter(Writer):
         return []
 
     def angles(self) -> list[str]:
-        """Lines that compute cosines and sines of the angles among the coordinates; the axis of angles comes before the
-        batch axes."""
+        """Lines that compute cosines and sines of all angles, as arrays: the first axis numbers the angles, the others are
+        those of the batch."""
         angles, driven = self.layout.angles, self.layout.driven_angles
         if not angles and not driven:
             return []
@@ -223,7 +223,7 @@ class NumpyWriter(Writer):
         ]
 
     def adjoints(self) -> list[str]:
-        """Lines that empty the memory of the directions; missing entries count as zero."""
+        """Lines that empty the dicts of values per direction; a missing entry counts as zero."""
         lines = [f"a.{name} = [Adjoints() for _ in a.{name}]" for name in ("slots", "lanes")]
         if self.layout.rows["regions"]:
             lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
