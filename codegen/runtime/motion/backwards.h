@@ -9,7 +9,7 @@ struct ordernm_adjoint {
     ordernm_results none;
     ordernm_gradients *gradients;
     ordernm_motion *motion;
-    int width, index, ngroups;        /* functionals per group, and number of groups */
+    int width, index, ngroups;        /* functionals per group; index of the functions for them; groups */
     int n;                            /* number of integrated entries with derivatives */
     long *sampled, behind;            /* numbers of times still to process: output times by group, times after jumps */
     long timed;                       /* index, among times after jumps, of the one that the switch processed next determines; -1: none */

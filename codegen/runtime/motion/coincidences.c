@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Values of a switching function that rounding errors explain, and relative difference of jumps that counts as none. */
+/* A switching function below ROUNDED counts as zero; jumps whose relative difference is below SAME_JUMP count as equal. */
 static const scalar ROUNDED = 1e-12, SAME_JUMP = 1e-9;
 
 static int apart(scalar a, scalar b, scalar size) { return !(fabs(a - b) <= ORDER_MATTERS*size + 1e-10*(fabs(a) + fabs(b))); }
@@ -64,8 +64,8 @@ static int coincides(ordernm_motion *m, int e, const scalar *row, scalar t, cons
     return 0;
 }
 
-/* An event's row at the values of a state, with the derivatives and modes before or after the switches passed last. Returns the status of a
- * function. */
+/* An event's row at the values of a state, but with the modes, and the derivatives of the state, before (`before`) or after the switches
+ * passed last. Returns the status of a function. */
 static int describe_side(ordernm_motion *m, scalar t, const scalar *values, int before, scalar *row)
 {
     const size_t size = m->system->nswitches*sizeof(scalar);

@@ -192,7 +192,7 @@ static int attempt(ordernm_motion *m, trial *step)
     return status;
 }
 
-/* Fraction of the motion's duration to which steps shrink before a dropped condition opens by too much. */
+/* A step after which a dropped condition is open by too much is repeated with a smaller size, down to this fraction of the duration. */
 static const scalar BEFORE_APART = 1e-5;
 
 /* Repeats a step after which a dropped condition is too far open, with a smaller size; returns the reason for the end if the size is already small. */

@@ -19,11 +19,11 @@ struct ordernm_curvature {
     scalar *lambda, *kappa[MOST_STAGES], *nu;
     gradient values, along;           /* results: of one vector of weights, and in lanes */
     scalar *no_dt;                    /* zeros for time */
-    long passed, passed_left, passed_all; /* the same for steps that begin at switches; number of these steps */
+    long passed, passed_left, passed_all; /* the same numbers of steps that begin at switches; all such steps */
     scalar *before, *jump;            /* rates before a switch, and minus those after it */
     scalar *one, *of_switch;          /* [nswitches] unit weights; memory for gradients at a switch */
-    scalar *next_switch;              /* the switch passed next: gradients of its function and of their rate, whether rates jump, time */
-    scalar *p;                        /* sums of gradients by parameters along directions, in lanes by group */
+    scalar *next_switch;              /* of the switch passed next: gradients of its function and of this function's rate, whether rates jump, time */
+    scalar *p;                        /* sums of gradients with respect to parameters, along directions: in lanes, by group */
     scalar *b, *db;                   /* weights of udot, and their tangents; zero for dependent speeds */
     scalar *rate_weights, *dqdot;     /* the same for the rates of coordinates that are not speeds */
 };

@@ -225,7 +225,7 @@ scalar ordernm_dead_point_within(ordernm_motion *m, scalar h)
         for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], rank[at] = rank[at - 1];
         time[at] = t, rank[at] = m->ranks + (long)i*nloops;
     }
-    int other = 0; /* keeps the last of the stages at the same time */
+    int other = 0; /* of several stages at the same time, only the last one is kept */
     for (int i = 1; i < n; ++i) {
         if (time[i] > time[other]) ++other;
         time[other] = time[i], rank[other] = rank[i];

@@ -86,8 +86,8 @@ int ordernm_close_and_keep(const ordernm_curvature *c, scalar t, const scalar *z
 
 /* ---- Derivatives of rates at the state of a record. ---- */
 
-/* Converts gradients by inputs at a time, or by their time derivatives of the given order, to gradients by control points, and adds these;
- * `from` is 0 for values, 1 + k for direction k. */
+/* Converts gradients with respect to inputs at a time, or to time derivatives of the inputs, of the given order, to gradients with respect
+ * to control points, and adds these; `from` is 0 for values, 1 + k for direction k. */
 void ordernm_add_inputs(ordernm_curvature *c, scalar t, int of_order, const scalar *of, int width, long from, int used, scalar factor)
 {
     ordernm_motion *const m = c->motion;
@@ -148,7 +148,7 @@ static void at_record(ordernm_curvature *c, scalar t, const scalar *z, const sca
     if (!c->motion->identity) call->q = record + size_of_rows(c);
 }
 
-/* Adds the contribution of the rates of coordinates to nu, if these are not the speeds: the transpose, for values or for the directions of
+/* Adds the transposed derivatives of the rates of coordinates to nu, if these rates are not the speeds; for values or for the directions of
  * a group. */
 static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, const scalar *kappa, scalar *nu, const group *g)
 {
@@ -166,7 +166,7 @@ static int rates_transposed(ordernm_curvature *c, ordernm_call call, scalar t, c
     return status;
 }
 
-/* Adds the contributions of the rates of coordinates to nu: the transpose if `values` is not 0, and its changes along all directions. */
+/* Adds the changes of these transposed derivatives along all directions to nu and, if `values` is not 0, the derivatives themselves. */
 static int rate_gradients(ordernm_curvature *c, scalar t, const scalar *z, const scalar *record, const scalar *kappa, scalar *nu,
     int values)
 {
@@ -245,8 +245,8 @@ int ordernm_gradients_of(ordernm_curvature *c, scalar t, const scalar *z, const 
     return s->plain_rates ? 0 : rates_transposed(c, call, t, kappa, nu, g);
 }
 
-/* Adds a lane of the results of a function to a row of derivatives by the independent entries, the parameters and the inputs; returns the
- * derivative by time. */
+/* Adds a lane of the results of a function to a row of derivatives with respect to independent entries, parameters and inputs; returns the
+ * derivative with respect to time. */
 scalar ordernm_add_row(const ordernm_curvature *c, const gradient *of, int width, int lane, scalar *row)
 {
     const ordernm_system *const s = c->motion->system;

@@ -82,7 +82,7 @@ typedef struct {
     int nswitches;                         /* number of switching functions, at whose zeros forces or outputs change their branch */
     const int *switch_kind;                /* kind of each switch, see ORDERNM_SIGN */
     const int *drives;                     /* whether forces (1) or prescribed motion (2) depend on each switch */
-    int nswitch_outputs;                   /* pairs of a switch and an output that depends on it */
+    int nswitch_outputs;                   /* number of pairs: a switch, and an output that depends on it */
     const int *switch_of_output;
     int steep;                             /* bits for functions that may change steeply, such as tanh(u/1e-3): 1 in rates, 2 in outputs */
     int nmoving;                           /* number of inputs of prescribed motion */
@@ -306,7 +306,7 @@ enum { ORDERNM_TIMED_BY_ANOTHER = 1, ORDERNM_AT_THE_SAME_TIME, ORDERNM_BEGINS_AT
 
 /* With k directions and n = nfree_q + nfree_u, the record of a state has 1 + k
  * rows of its independent entries: values, then derivatives along each direction; in models with loops, all nq coordinates follow.
- * Sources are derivatives of a functional by the independent entries, the parameters and the inputs, and the tangents of these
+ * Sources are derivatives of a functional with respect to independent entries, parameters and inputs, and the tangents of these
  * derivatives: [1 + k][n + np + ninputs]. */
 typedef struct {
     long ntimes;
@@ -315,7 +315,7 @@ typedef struct {
     const ordernm_scalar *sources;    /* [ntimes]: sources at these times */
     ordernm_scalar *passed;           /* [number of steps that begin at switches][record + nswitches]: states and modes before, set by ordernm_tangents */
     const ordernm_scalar *weights;    /* [noutputs]: weights of integrals of outputs */
-    const ordernm_scalar *finish;     /* [1 + k][n]: derivatives by the state after the last step, and their tangents; null for zeros */
+    const ordernm_scalar *finish;     /* [1 + k][n]: derivatives with respect to the state after the last step, and their tangents; null for zeros */
     /* Gradients and Hessian products. The caller sets p and inputs to zero. */
     ordernm_scalar *start, *p, *inputs; /* [1 + k][n], [np], [count][nsignals] */
     long products;

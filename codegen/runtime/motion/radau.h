@@ -38,7 +38,7 @@ struct radau {
     long accepted;            /* number of accepted steps with a stored Z */
     scalar h_last, h_tried, t_tried;
     scalar leniency;          /* largest accepted error estimate, relative to the tolerance of the solution */
-    scalar slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    scalar slowness, sweep_slowness; /* theta/(1 - theta), theta the convergence rate of Newton's method, or of sweeps */
     scalar flow_slowness;     /* the same number for sweeps along the motion itself */
     scalar slowness_before;   /* slowness at the start of Newton's method in this step */
     scalar *of_jacobian;      /* [values] the state at which J was computed */

@@ -2,7 +2,7 @@
  *
  *     w = -(lambda+ . (f- - f+) + J_t)/g',  lambda- = lambda+ + w g_z,  gradient += w g_p,
  *
- * where J_t is the derivative of a functional by the time of the switch, for an event whose output jumps there. */
+ * where J_t is the derivative of a functional with respect to the time of the switch, for an event whose output jumps there. */
 #include "backwards.h"
 
 #include <string.h>

@@ -12,17 +12,17 @@
  *     lambda- = lambda + (a- - a+) T_y,
  *     dlambda- = dlambda + dlambda.(f- - f+) T_y + (a- - a+) dT_y + T_y (D v) + T_v D + T_v T_y (D F- + a+_y (F+ - F-)),
  *
- * for changes along v; parameters and inputs receive the same terms. Also kinks have second derivatives: f- = f+ there, but not D = 0. */
+ * for changes along v; the gradients with respect to parameters and inputs get the same terms. At a kink f- = f+, but D is not zero. */
 #include "curvature.h"
 
 #include <math.h>
 #include <string.h>
 
-/* Relative difference of gradients, or of derivatives of rates, that counts as none; a switching function counts as zero at the start if it
- * would be zero within the second fraction of the motion's duration, or is a rounding error. */
+/* Gradients, or derivatives of rates, count as equal if their relative difference is below SAME. A switching function counts as zero at the
+ * start if it is below ROUNDED, or if it would be zero within the fraction AT_ZERO of the motion's duration. */
 static const scalar SAME = 1e-9, AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
-/* Length of a gradient by y and time. */
+/* Number of entries in a gradient with respect to y and time. */
 static long size_of(const ordernm_curvature *c)
 {
     const ordernm_system *const s = c->motion->system;
@@ -114,8 +114,8 @@ static void refuse(ordernm_curvature *c, int reason, int k)
     c->found->refused = reason, c->found->refused_switch = k;
 }
 
-/* Finds c->jump, the rates before minus those after switch k, the rates before it in c->before, the rate of its function and the
- * derivatives of its time. Modes are then those before it. */
+/* Computes, for switch k: the rates before it (c->before), these minus the rates after it (c->jump), the rate of its function, and the
+ * derivatives of its time. Afterwards modes are those before the switch. */
 static int examine(ordernm_curvature *c, scalar t, const scalar *z, const scalar *row, const scalar *first, int k, scalar *speed)
 {
     ordernm_motion *const m = c->motion;

@@ -119,7 +119,7 @@ static int outputs_transposed(ordernm_adjoint *a, int n, ordernm_call *c, const 
     return status;
 }
 
-/* Weights of all coordinates and speeds in lanes, for a group of functionals; element i of functional f is at f*stride + i. */
+/* Copies weights of all coordinates and speeds to lanes, for a group of functionals; element i of functional f is at f*stride + i. */
 static void take_weights(ordernm_adjoint *a, int n, const scalar *of_q, const scalar *of_u, long stride_q, long stride_u)
 {
     const ordernm_system *const s = a->motion->system;
