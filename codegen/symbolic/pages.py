@@ -90,8 +90,8 @@ def _table_row(cell: str, texts: Iterable[str]) -> str:
 NOTATION = (
     "<p>Every statement of the solver, sweep by sweep and body by body. The number on the left counts the statements; on the "
     "right is the equation of the paper or the word of docs/theory.md: <i>d Eq. 45</i> is the derivative of Eq. 45 along a "
-    "direction, <i>T d Eq. 45</i> the transpose of that, <i>primitive</i> the derivative of a statement by one of its operands "
-    "(Eq. 10).</p>",
+    "direction, <i>T d Eq. 45</i> the transpose of that, <i>primitive</i> the derivative of a statement with respect to an "
+    "operand (Eq. 10).</p>",
     "<p>The index above a symbol is the body, loop or region whose memory holds it, and δ precedes a quantity that is computed "
     "for each direction (shaded). Symbols without an index above are local to their part, or coordinates q, speeds u, joint "
     "forces τ and parameters of the model. The table at the end explains the names.</p>",

@@ -271,7 +271,10 @@ class _Reader:
         ]  # fmt: skip
         found = [
             SweepOfUnits(
-                "constants", "constants of links, and their derivatives by parameters (Eq. 29)", "", tuple(constants)
+                "constants",
+                "constants of links, and their derivatives with respect to parameters (Eq. 29)",
+                "",
+                tuple(constants),
             )
         ]
         for sweep, of in plan.sweeps.items():

@@ -68,7 +68,7 @@ class CMemory(CSweeps):
         if not lanes:
             for form, constants in layout.constant_fields.items():
                 if constants and layout.forms[form] == form:
-                    about = "Constants of one shape; _d0: derivative by the first parameter that they depend on."
+                    about = "Constants of one shape; _d0: derivative with respect to their first parameter."
                     add(about, f"constants_of_shape_{form}", members(constants, number))
         else:
             chosen = self.used_forms(layout.slot_forms, layout.slots)

@@ -1,7 +1,7 @@
 /* Derivatives along the motion itself, whose exact values are known: if the start is shifted by dt, so is the whole motion. The derivative
- * of each state with respect to this shift is the rate there. So the step's derivative along its first rate minus the rate at its end is an error of
- * derivatives. In a steep layer, such as tanh(u/1e-4) where u changes its sign, this error exceeds that of the state by the width of the
- * layer, and limits the step. Only for systems with functions that may be steep; the points of cubic tables count as such. */
+ * of each state with respect to this shift is the rate there. So the step's derivative along its first rate minus the rate at its end is an
+ * error of derivatives. In a steep layer, such as tanh(u/1e-4) where u changes its sign, this error exceeds that of the state by the width
+ * of the layer, and limits the step. Only for systems with functions that may be steep; the points of cubic tables count as such. */
 #include "inside.h"
 
 #include <math.h>

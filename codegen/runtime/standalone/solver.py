@@ -218,7 +218,7 @@ class Solver(Package):
         p, inputs, t : array_like (..., np), (..., ninputs), (...), optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         wrt : str or sequence of str, optional
-            What to differentiate by, such as ``"q, u"``. Default: q, u, p, inputs and t.
+            Variables of differentiation, such as ``"q, u"``. Default: q, u, p, inputs and t.
         out : Jacobians, optional
             Result of an earlier call, whose arrays are used again.
 
@@ -343,7 +343,7 @@ class Solver(Package):
         return self._states.initial_state(p)
 
     def initial_sensitivities(self, p: Numbers = None, *, dp: Numbers) -> tuple[Array, Array, Array, Array]:
-        """Return the state of `initial_state` and its derivatives by parameters.
+        """Return the state of `initial_state` and its derivatives with respect to parameters.
 
         The derivatives include those of initial values that are expressions of parameters, and keep loops closed.
 
@@ -631,7 +631,7 @@ class Solver(Package):
         p, inputs, t : array_like (np,), (ninputs,), float, optional
             Parameters, inputs and time (s). Default: default parameters, zero inputs, t = 0.
         sensitivities : str or sequence of str, optional
-            Parameters, and inputs as ``inputs.motor``, by which q is differentiated.
+            Parameters, and inputs as ``inputs.motor``, with respect to which q is differentiated.
         relax : bool, optional
             Relax the mechanism first. The equilibrium is then stable if all forces have a potential, but may
             not be the nearest one.
@@ -690,7 +690,7 @@ class Solver(Package):
         Returns
         -------
         Linearization
-            A, B, C, D with names; eigenvalues, modes, and derivatives of all these by parameters.
+            A, B, C, D with names; eigenvalues, modes, and derivatives with respect to parameters.
 
         Raises
         ------
@@ -2224,7 +2224,7 @@ class Solver(Package):
             Constants; ``(times, values)`` or ``(times, values, kind)`` with values (ntimes, nsignals); a function of
             time; or SciPy's `BSpline` or `PPoly`. A mapping gives any of these for each signal by name. See Notes.
         sensitivities : str or sequence of str, optional
-            What to differentiate by: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
+            Variables of differentiation: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
             coordinates and speeds, ``inputs.NAME`` for a constant added to an input, ``inputs.NAME[i]`` for its i-th
             value. The name of a vector parameter, or of a joint of several degrees of freedom, stands for its entries.
         dq0, du0 : array_like (k, nq), (k, nu), optional
@@ -2280,7 +2280,7 @@ class Solver(Package):
         acceleration are those of the spline.
 
         The Jacobian of a controller is a function of the same `Sample`. It returns the derivatives of the controller's
-        inputs by "q", "u", "outputs", "p" and the previous "inputs", as a mapping of matrices, in which zeros may be left
+        inputs with respect to "q", "u", "outputs", "p" and the previous "inputs", as a mapping of matrices; zeros may be left
         out. A controller with a memory of its own returns the derivatives of its n inputs along the k directions instead,
         (k, n), computed from `Sample.dq` and the other derivatives. Without a Jacobian, derivatives keep the controller's
         values fixed, with a warning. An exception in the controller ends the motion and is raised again.
@@ -2323,7 +2323,7 @@ class Solver(Package):
         inputs : array_like, tuple, callable, spline or mapping, optional
             Inputs over time, as in `simulate`.
         wrt : str or sequence of str, optional
-            What to differentiate by, like `sensitivities` of `simulate`.
+            Variables of differentiation, like `sensitivities` of `simulate`.
         method : {"auto", "forward", "adjoint"}, optional
             Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of
             parameters. "auto" uses the cheaper one. Both gradients agree to rounding.

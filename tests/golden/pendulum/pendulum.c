@@ -102,7 +102,7 @@ enum {
     BALANCE_OUT_TOTAL_ACCELERATION_Z, /* acceleration of the origin, total, m/s^2 */
 };
 
-/* Constants of one shape; _d0: derivative by the first parameter that they depend on. */
+/* Constants of one shape; _d0: derivative with respect to their first parameter. */
 typedef struct {
     double mass; /* mass of a link, kg */
     double inertia_xx; /* inertia about the origin, kg m^2 */

@@ -221,8 +221,8 @@ class Follower:
         return q, closed
 
     def _aim(self, q: Array, s: Array, line: Line) -> Array:
-        """Derivatives (n, nq) by the position on the line (0 to 1) that bring the shared coordinates to their values at
-        its end."""
+        """Derivatives (n, nq) of coordinates with respect to the position on the line (0 to 1), with which the shared
+        coordinates reach their values at its end."""
         aim = np.zeros_like(q)
         aim[:, self.shared] = (line.shared - q)[:, self.shared] / (1.0 - s)[:, None]
         for i in self.newton.quaternions:  # rates of a quaternion are tangential to the unit sphere

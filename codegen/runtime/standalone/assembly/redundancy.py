@@ -104,6 +104,6 @@ class Redundancy(Room):
                 condition = int(np.argmax(row))
                 warn(
                     f"parameter {self.parameter_names[j]} opens the redundant condition {self.closure_names[condition]} by "
-                    f"{row[condition]:.2g} per unit: the loop cannot stay closed when this parameter alone changes; derivatives "
-                    f"by it are those of the nearest motion that keeps all conditions which dependent joints can satisfy"
+                    f"{row[condition]:.2g} per unit: the loop cannot stay closed when this parameter alone changes; its "
+                    f"derivatives are those of the nearest motion that keeps all conditions that dependent joints can satisfy"
                 )

@@ -45,12 +45,11 @@ EVEN = 8
 """The largest number of SIMD lanes. The numbers of states in the parts of a batch are multiples of this number."""
 
 MOST_SWEPT = 48_000
-"""Doubles that the sweeps over directions use for one state. With more doubles, several states at once exceed the cache
-of a core and are slower than one after another."""
+"""If the sweeps over directions use more doubles than this for one state, several states at once exceed the cache of a core
+and are slower than one after another."""
 
 MOST_IN_LANES = 8_000_000
-"""Doubles of workspace for several states at once; with a larger workspace, several at once are no faster than one after
-another."""
+"""If several states at once need more doubles of workspace than this, they are no faster than one after another."""
 
 MOST_COPIED = 4096
 """Largest batch, in states times (1 + directions), whose arguments are copied in order to compute one state after

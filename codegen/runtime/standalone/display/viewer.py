@@ -94,8 +94,8 @@ class Nodes:
                 self._marks(kind, places_of(self.scene.marks(kind), poses, i))
 
     def _marks(self, kind: str, places: Array) -> None:
-        """Marks are octahedra. Many marks are discs, since a browser without a graphics card draws bodies one by one; they
-        are smaller than links."""
+        """Draws marks as octahedra, smaller than links. If there are many, draws discs, since a browser without a graphics
+        card draws octahedra one by one."""
         colour, radius = _rgb(MARKS[kind][0]), self.size * MARKS[kind][1] ** 0.5 * 1.6e-3
         if len(places) <= MANY:
             turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))

@@ -240,7 +240,7 @@ class StateView:
             Sliders(self.viewer, "design", package.parameter_names, units, p, *around(p), self._changed)
 
     def _shown(self) -> tuple[Scene, Poses]:
-        """The scene and its pose, with reactions, and with displacements by parameters while loops stay closed."""
+        """The scene and its pose, with reactions, and with displacements per unit of each parameter while loops stay closed."""
         x, views = self.arrays, self.views
         package: Any = views.package
         q, t = x["q"][None], np.atleast_1d(x["t"])

@@ -12,7 +12,7 @@ from ..errors import PackageError
 
 ALLOWED = 10.0
 """Factor on the model's `loop_tolerance`. Redundant conditions may keep residuals up to the product in a closed loop. Warnings
-report dropped conditions with larger residuals, or with larger derivatives by a parameter."""
+report dropped conditions whose residual, or its derivative with respect to a parameter, is larger."""
 
 SEAL = ',\n "seal": "'
 

@@ -18,7 +18,7 @@ class Adjoint:
     Attributes
     ----------
     q, u : array (m, nq), (m, nu)
-        Gradients by independent entries of the initial state; zero for the others.
+        Gradients with respect to independent entries of the initial state; zero for the others.
     p : array (m, np)
     inputs : array (m, count, nsignals)
     counts : dict of str to int
@@ -43,13 +43,14 @@ def segment_backwards(
     motion : (library, ffi, system)
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
-        Derivatives of the functionals by the outputs at these times, all of which are in the segment.
+        Derivatives of the functionals with respect to the outputs at these times, all of which are in the segment.
     of_states : array (m, ntimes, nq + nu), or (m, ntimes, 0) for zeros
-        Derivatives of the functionals by the coordinates and speeds at these times.
+        Derivatives of the functionals with respect to the coordinates and speeds at these times.
     behind : array (n,), (m, n, noutputs), (m, n)
-        Times of events at which outputs jump, derivatives of the functionals by the outputs after the jump, and by these times.
+        Times of events at which outputs jump; derivatives of the functionals with respect to the outputs after the jump, and to
+        these times.
     end_q, end_u : array (m, nq), (m, nu)
-        Derivatives by independent entries of the state at the segment's end; by all entries, if `whole` is given.
+        Derivatives with respect to independent entries of the state at the segment's end; to all entries, if `whole` is given.
     whole : (array (nq,), array (nu,)), optional
         The state at the segment's end, if the next segment has other independent coordinates.
     """

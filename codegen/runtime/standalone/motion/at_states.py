@@ -24,7 +24,7 @@ class AtStates:
     def __init__(self, functions: SecondDerivatives, problem: Problem, free: Array):
         self.functions, self.problem, self.free, self.r = functions, problem, free, len(problem.dp)
         self.nq, self.nu, self.np = len(problem.q), len(problem.u), len(problem.p)
-        self.inputs_at = len(free) + self.np  # where gradients have the derivatives by inputs
+        self.inputs_at = len(free) + self.np  # where the entries for inputs begin in a gradient
         self.compiled = "output_hessian_products" in functions.functions
 
     def states(self, records: Array, t: Array, within: Array, completed: bool) -> Array:
@@ -117,7 +117,7 @@ class AtStates:
     ) -> Array:
         """Gradients (n, 1 + r, free + np + ninputs + 1) of weighted results, and their changes.
 
-        Gradients are by the independent entries of the state, the parameters, the inputs and time.
+        Gradients have entries for the independent entries of the state, the parameters, the inputs and time.
 
         Parameters
         ----------

@@ -2,9 +2,9 @@
 
 At a flat pose, a combination n of a loop's conditions does not depend on the speeds: ``n E = 0``. If ``n dg/dp`` is not
 zero, no closed state exists near the pose for one sign of the change dp, or the motion enters another branch. Then
-there is no derivative by p. At a distance d from the pose, derivatives of the dependent coordinates by such a parameter
-grow like 1/d. Derivatives along a direction that keeps the loop closed through the pose remain bounded; an example is a
-common scale of all lengths of a parallelogram.
+there is no derivative with respect to p. At a distance d from the pose, derivatives of dependent coordinates with respect
+to such a parameter grow like 1/d. Derivatives along a direction that keeps the loop closed through the pose remain bounded;
+an example is a common scale of all lengths of a parallelogram.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def lost_directions(run: Run, dp: Array) -> list[Lost]:
 
 
 def _moved(segment: Segment, t: float, q: Array, moving: NDArray[np.intp]) -> Array:
-    """Derivatives of the scaled coordinates by some parameters, (parameters, nq), with independent coordinates held."""
+    """Derivatives (parameters, nq) of scaled coordinates with respect to some parameters, at fixed independent coordinates."""
     problem = segment.problem
     f = segment.opened.functions["completion_sensitivities"]
     given = {"q": q.copy(), "u": np.zeros_like(problem.u), "p": problem.p, "inputs": problem.inputs.at(t), "t": t}

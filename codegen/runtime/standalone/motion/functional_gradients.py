@@ -54,11 +54,11 @@ two are for the adjoint: the cost with one functional, and with two to eight."""
 
 @dataclass(slots=True, eq=False)
 class Weights:
-    """Derivatives of functionals by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
+    """Derivatives of functionals with respect to outputs (m, nt, noutputs) at times (nt,), and to integrals (m, nintegrals).
 
-    `states` contains the derivatives by coordinates and speeds at these times (m, nt, nq + nu); (m, nt, 0) if all are zero.
-    `behind` contains the times (n,) of events at which outputs jump, derivatives by outputs after the jumps (m, n, noutputs), and
-    by the times of jumps that a switch causes (m, n).
+    `states` contains derivatives with respect to coordinates and speeds at these times (m, nt, nq + nu); (m, nt, 0) if all
+    are zero. `behind` contains the times (n,) of events at which outputs jump, and derivatives with respect to outputs after
+    the jumps (m, n, noutputs) and to the times of jumps that a switch causes (m, n).
     """
 
     times: Array
@@ -242,7 +242,8 @@ class FunctionalGradients(Simulation):
         return total
 
     def initial_curvature(self, p: Array, dp: Array, along: Array | None = None) -> dict[str, Array]:
-        """Second derivatives of initial values, formulas of p, by dp (k, np) and `along` (r, np): q (k, nq, r), u (k, nu, r)."""
+        """Second derivatives of initial values that are formulas of p, along dp (k, np) and `along` (r, np): q (k, nq, r) and
+        u (k, nu, r)."""
         functions = self._dual(self._opened)
         jet = Jet(p, (dp if along is None else along).T)
         found = functions.along("initial_sensitivities", {"p": jet}, {"dp": dp})
@@ -252,7 +253,7 @@ class FunctionalGradients(Simulation):
     def _values(
         self, wanted: list[Functional], events: list[Event], problem: Problem, run: Run, directions: Directions
     ) -> tuple[dict[Event, Crossing], Array, Weights]:
-        """First occurrences of events, values of functionals, and their derivatives by outputs."""
+        """First occurrences of events, values of functionals, and their derivatives with respect to outputs."""
         if run.reason not in ("end", "event"):
             raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, directions, run))
         crossings = self._first_crossings(events, problem, run, directions.k)
@@ -313,7 +314,7 @@ class FunctionalGradients(Simulation):
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
     ) -> tuple[Array, Weights]:
-        """Values of functionals, and their derivatives by outputs and integrals."""
+        """Values of functionals, and their derivatives with respect to outputs and integrals."""
         m = len(wanted)
         t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
         integrals = self._of_rows(run.rows, 4, problem)

@@ -94,7 +94,7 @@ def check_joints(name: str, system: Any) -> None:
 
 @dataclass(slots=True)
 class Curvature:
-    """Derivatives of functionals by the initial state, parameters and inputs, and their changes along r directions.
+    """Gradients of functionals (with respect to initial state, parameters and inputs), and their changes along r directions.
 
     Attributes
     ----------
@@ -243,7 +243,7 @@ class _Tangents:
         return self.ffi.from_buffer("double[]", np.ascontiguousarray(x, float)) if x.size else self.ffi.NULL
 
     def back(self, sources: Array, weights: Array, finish: Array) -> tuple[Array, Array, Array]:
-        """Gradients of a functional by independent entries at the start, parameters and inputs, and their changes.
+        """Gradients of a functional with respect to the start's independent entries, parameters and inputs; and their changes.
 
         Parameters
         ----------
@@ -252,7 +252,7 @@ class _Tangents:
         weights : array (noutputs,)
             Weights of integrals of outputs.
         finish : array (1 + r, free)
-            Gradients by the independent entries at the end, and their changes.
+            Gradients with respect to the independent entries at the end, and their changes.
         """
         g, rows = self.g, 1 + self.r
         found = [
@@ -323,7 +323,7 @@ class Motion:
 
 @dataclass(slots=True)
 class Wanted:
-    """Functionals, and their derivatives by outputs (m, nt, noutputs) at times (nt,), and by integrals (m, nintegrals).
+    """Functionals, and derivatives with respect to outputs (m, nt, noutputs) at times (nt,), and to integrals (m, nintegrals).
 
     `crossed` has the event of each functional, or None.
     """
@@ -381,7 +381,7 @@ def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list
 
 
 def _backwards(tangents: list[_Tangents], wanted: Wanted, number: int) -> tuple[Array, Array, Array]:
-    """Gradients of a functional by the initial state, parameters and inputs, and their changes."""
+    """Gradients of a functional with respect to initial state, parameters and inputs; and their changes."""
     f, by_output, names = wanted.functionals[number], wanted.by_output[number], wanted.output_names
     weights = np.zeros(len(names))
     np.add.at(weights, list(tangents[0].along.integrals), wanted.by_integral[number])

@@ -136,8 +136,8 @@ class Inputs:
         return float(self.given[signal][row] if self.given else self.values[row, signal])
 
     def direction(self, signal: int, row: int | None) -> Array:
-        """Derivative of the control points (count,) by a user's value of a signal, or by a constant added to all of them if
-        `row` is None."""
+        """Derivative of the control points (count,) with respect to a user's value of a signal or, if `row` is None, to a
+        constant added to all of them."""
         if row is None:
             return np.ones(len(self.values))
         if self.given:

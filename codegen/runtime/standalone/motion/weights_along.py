@@ -1,7 +1,7 @@
 """Changes of the weights of outputs along directions, for functionals whose weights depend on the motion.
 
 An event is the time T at which an output g has its level. With the outputs o(t, x) of a motion with variables x, the functional
-is o(T(x), x). For a sum W = w . o with w constant, the unit vector of the output minus the one of g times o_t/g_t,
+is one entry of o(T(x), x). Let W = w . o with constant w: the unit vector of this entry minus o_t/g_t times that of g. Then
 
     gradient = W_x,  T_x = -g_x/g_t,  Hessian = W_xx + T_x W_tx + W_tx T_x + W_tt T_x T_x.
 
@@ -43,7 +43,7 @@ class Sampled(Protocol):
 
 
 def of_squares(f: LeastSquares, of: Sampled, names: Sequence[str]) -> Array:
-    """Changes (nt, noutputs, r), along the directions, of the derivatives of a sum of squares by the outputs."""
+    """Changes (nt, noutputs, r), along directions, of the derivatives of a sum of squares with respect to outputs."""
     times = np.asarray(f.times, float)
     _, every = f.residuals(np.zeros((len(times), len(names))), names)
     weight = np.zeros((len(of.times), len(names)))
@@ -65,7 +65,7 @@ class AtTime:
     source : array (r, free + np + ninputs)
         T's changes times the gradient of W_t.
     inputs : array (r, count, nsignals)
-        The part of these changes that is due to rates of inputs, by control points.
+        The part of these changes that is due to rates of inputs, as gradients with respect to control points.
     """
 
     weights: Array
@@ -113,7 +113,8 @@ def _rates_transposed(functions: AtStates, states: Array, t: Array, within: Arra
 
 
 def by_control_points(x: Inputs, t: Array, within: Array, columns: Array, order: int = 0) -> Array:
-    """Gradients (n, count, nsignals) by control points, from those by inputs (n, ninputs) at a time, or by their derivatives."""
+    """Gradients (n, count, nsignals) with respect to control points, from gradients `columns` (n, ninputs) with respect to
+    inputs at a time, or to their time derivatives."""
     whole = np.zeros((len(columns), *x.values.shape))
     unit = replace(x, values=np.eye(len(x.values)), moving=())
     signals = [(i, 0) for i in range(x.values.shape[1])] + [(i, n) for i in x.moving for n in (1, 2)]

@@ -24,15 +24,15 @@ class Jacobians:
     Attributes
     ----------
     q : ndarray (..., nu, nq)
-        By the coordinates.
+        With respect to the coordinates.
     u : ndarray (..., nu, nu)
-        By the speeds.
+        With respect to the speeds.
     p : ndarray (..., nu, np)
-        By the design parameters.
+        With respect to the design parameters.
     inputs : ndarray (..., nu, ninputs)
-        By the inputs.
+        With respect to the inputs.
     t : ndarray (..., nu)
-        By time.
+        With respect to time.
     """
 
     q: Array
@@ -67,7 +67,7 @@ ARRAYS = {asked: operator.attrgetter(*asked) for asked in MATRICES}
 
 
 def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:
-    """Jacobians by some of `JACOBIANS`; the others are None."""
+    """Jacobians with respect to some of `JACOBIANS`; the others are None."""
     found: list[Any] = [matrices.get(n) for n in JACOBIANS]
     return Jacobians(*found)
 
@@ -107,20 +107,20 @@ def _in_order(names: list[str]) -> tuple[str, ...]:
 
 
 class Gradients(NamedTuple):
-    """Gradients of k weighted sums by every argument. Entries of dependent coordinates and speeds are zero.
+    """Gradients of k weighted sums. Entries of dependent coordinates and speeds are zero.
 
     Attributes
     ----------
     q : ndarray (k, ..., nq)
-        By the coordinates.
+        With respect to the coordinates.
     u : ndarray (k, ..., nu)
-        By the speeds.
+        With respect to the speeds.
     p : ndarray (k, ..., np)
-        By the design parameters.
+        With respect to the design parameters.
     inputs : ndarray (k, ..., ninputs)
-        By the inputs.
+        With respect to the inputs.
     t : ndarray (k, ...)
-        By time.
+        With respect to time.
     """
 
     q: Array
@@ -137,20 +137,20 @@ class Gradients(NamedTuple):
 
 
 class HessianProducts(NamedTuple):
-    """Products of a Hessian with k directions: the changes of the gradient by every argument.
+    """Products of a Hessian with k directions: the changes of gradients along the directions.
 
     Attributes
     ----------
     q : ndarray (k, ..., nq)
-        By the coordinates.
+        Of the gradient with respect to the coordinates.
     u : ndarray (k, ..., nu)
-        By the speeds.
+        Of the gradient with respect to the speeds.
     p : ndarray (k, ..., np)
-        By the design parameters.
+        Of the gradient with respect to the design parameters.
     inputs : ndarray (k, ..., ninputs)
-        By the inputs.
+        Of the gradient with respect to the inputs.
     t : ndarray (k, ...)
-        By time.
+        Of the derivative with respect to time.
     """
 
     q: Array
@@ -167,22 +167,22 @@ class HessianProducts(NamedTuple):
 
 
 class InverseDynamicsProducts(NamedTuple):
-    """Products of a Hessian of the inverse dynamics with k directions: the changes of the gradient by every argument.
+    """Products of a Hessian of the inverse dynamics with k directions: the changes of gradients along the directions.
 
     Attributes
     ----------
     q : ndarray (k, ..., nq)
-        By the coordinates.
+        Of the gradient with respect to the coordinates.
     u : ndarray (k, ..., nu)
-        By the speeds.
+        Of the gradient with respect to the speeds.
     udot : ndarray (k, ..., nu)
-        By the derivatives of the speeds.
+        Of the gradient with respect to the derivatives of the speeds.
     p : ndarray (k, ..., np)
-        By the design parameters.
+        Of the gradient with respect to the design parameters.
     inputs : ndarray (k, ..., ninputs)
-        By the inputs.
+        Of the gradient with respect to the inputs.
     t : ndarray (k, ...)
-        By time.
+        Of the derivative with respect to time.
     """
 
     q: Array

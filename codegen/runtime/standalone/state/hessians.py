@@ -147,7 +147,7 @@ class Hessians(Room):
         return found
 
     def _gradient(self, at: tuple[Any, ...], weights: list[Array]) -> Array:
-        """Gradient of the weighted sum by coordinates of the closed state, (*batch, nq)."""
+        """Gradient of the weighted sum with respect to coordinates, at the closed state, (*batch, nq)."""
         if not self.closure_names:
             return weights[0]
         found: Array = self._call(BY_COORDINATES, at, tuple(w[None] for w in weights))[0]

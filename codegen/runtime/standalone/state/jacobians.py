@@ -1,4 +1,4 @@
-"""Jacobians of the accelerations by all or some variables."""
+"""Jacobians of the accelerations with respect to all or some variables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wrenches that joints and loops transmit, by body, from the wrenches by link of the generated code."""
+"""Wrenches that joints and loops transmit, one for each body, from the wrenches for each link that generated code computes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def reaction_sensitivities_of(of: JointLinks, found: Sequence[Array]) -> tuple[A
 
 
 def _of_joints(of: JointLinks, wrenches: Array) -> Array:
-    """Wrenches by body, from wrenches by link; NaN for fixed joints."""
+    """A wrench for each body, from those for each link; NaN for fixed joints."""
     of_bodies, fixed = of
     if of_bodies is None:
         return wrenches

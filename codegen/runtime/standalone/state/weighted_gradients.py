@@ -15,7 +15,7 @@ from ..calls.room import Room
 from .derivatives import Gradients
 
 BY_ALL = {name: Wanted(name, ALONG) for name in WEIGHTED}
-"""Derivatives by all arguments, including those that are structurally zero."""
+"""Gradients with respect to all arguments, including those that are zero in every state."""
 
 
 class WeightedGradients(Room):

@@ -1,8 +1,8 @@
-"""Second derivatives of equilibria by parameters and inputs.
+"""Second derivatives of equilibria with respect to parameters and inputs.
 
 Let w be a small motion, q(w, p) the closed coordinates, and ``g(q, p) = 0`` the accelerations of the independent speeds at
 rest, with ``J = dg/dw``; indices w and p mean derivatives. Along dp, an equilibrium moves by the w of ``J w = -g_p dp``. With
-mu from ``J^T mu = -q_w^T c``, the gradient of ``c . q`` by p is that of ``l = c . q + mu . g`` at fixed w and mu. Its change:
+mu from ``J^T mu = -q_w^T c``, the gradient of ``c . q`` in p is that of ``l = c . q + mu . g`` at fixed w and mu. Its change:
 
     J w = -g_p dp        r = tangent of l_w        J^T nu = -r        d(gradient) = tangent of l_p + g_p^T nu
 
@@ -39,9 +39,9 @@ class EquilibriumProducts(NamedTuple):
     Attributes
     ----------
     p : ndarray (k, np)
-        By the design parameters.
+        The entries for the design parameters.
     inputs : ndarray (k, ninputs)
-        By the inputs.
+        The entries for the inputs.
     """
 
     p: Array

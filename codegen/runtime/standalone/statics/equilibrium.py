@@ -1,4 +1,4 @@
-"""Equilibria: Newton's method in the tangent space, relaxation if it fails, and derivatives by parameters."""
+"""Equilibria: Newton's method in the tangent space, relaxation if it fails, and derivatives of the equilibrium."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class Equilibrium:
     names : tuple of str
         Parameters and inputs of the derivatives.
     dq : ndarray (k, nq)
-        Derivatives of q by these parameters and inputs, exact to rounding. NaN for one whose change causes accelerations
-        along a neutral direction, so that no equilibrium remains nearby.
+        Derivatives of q with respect to these parameters and inputs, exact to rounding. NaN for one whose change causes
+        accelerations along a neutral direction, so that no equilibrium remains nearby.
     stable : bool or None
         Whether no eigenvalue of the linearised equations has a positive real part, to rounding. None if
         undecided: always near a loss of rank of a loop, and possibly with a neutral direction.

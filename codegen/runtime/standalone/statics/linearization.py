@@ -39,13 +39,13 @@ class Matrices(NamedTuple):
     Attributes
     ----------
     A : ndarray (2n, 2n)
-        Rates of the states, by states.
+        Derivatives of the states' rates with respect to the states.
     B : ndarray (2n, ninputs)
-        Rates of the states, by inputs.
+        Derivatives of the states' rates with respect to the inputs.
     C : ndarray (m, 2n)
-        Outputs by states.
+        Derivatives of the outputs with respect to the states.
     D : ndarray (m, ninputs)
-        Outputs by inputs.
+        Derivatives of the outputs with respect to the inputs.
     """
 
     A: Array
@@ -111,14 +111,14 @@ class Linearization:
     Attributes
     ----------
     A : ndarray (2n, 2n)
-        Rates of the states, by states. The states are n small motions along the independent speeds, then n changes of
-        these speeds.
+        Derivatives of the states' rates with respect to the states. The states are n small motions along the
+        independent speeds, then n changes of these speeds.
     B : ndarray (2n, ninputs)
-        Rates of the states, by inputs.
+        Derivatives of the states' rates with respect to the inputs.
     C : ndarray (m, 2n)
-        The m requested outputs by states.
+        Derivatives of the m requested outputs with respect to the states.
     D : ndarray (m, ninputs)
-        Outputs by inputs.
+        Derivatives of these outputs with respect to the inputs.
     state_names, input_names, output_names : tuple of str
         Names of rows and columns.
     parameter_names : tuple of str
@@ -233,7 +233,7 @@ class Linearization:
     def eigenvalue_sensitivities(
         self, parameters: str | Sequence[str] | None = None, *, moving: bool | None = None
     ) -> Complex:
-        """Return the derivatives of the eigenvalues by parameters.
+        """Return the derivatives of the eigenvalues with respect to parameters.
 
         Parameters
         ----------

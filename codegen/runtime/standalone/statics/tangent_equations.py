@@ -45,7 +45,7 @@ class Motion(NamedTuple):
 class TangentEquations:
     """The linearised equations about a state.
 
-    Let w be the small motion along the tangents N, v the change of the independent speeds u, and D the derivative by q. Then
+    Let w be the small motion along the tangents N, v the change of the independent speeds u, and D the derivative in q. Then
     ``dq = N w`` and ``d(qdot) = D(N u)[N w] + N v``. The left side is also ``d/dt(N w) = D(N w)[N u] + N w'``, so
 
         w' = v + N^+ (D(N u)[N w] - D(N w)[N u]) = v + W w        v' = D udot[N w] + (d udot/du) v
