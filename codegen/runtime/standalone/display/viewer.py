@@ -94,8 +94,8 @@ class Nodes:
                 self._marks(kind, places_of(self.scene.marks(kind), poses, i))
 
     def _marks(self, kind: str, places: Array) -> None:
-        """Draws marks as octahedra, smaller than links. If there are many, draws discs, since a browser without a graphics
-        card draws octahedra one by one."""
+        """Draws marks as octahedra. If there are many, draws them as discs smaller than links, since a browser without a
+        graphics card draws octahedra one by one."""
         colour, radius = _rgb(MARKS[kind][0]), self.size * MARKS[kind][1] ** 0.5 * 1.6e-3
         if len(places) <= MANY:
             turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(places), 1))
