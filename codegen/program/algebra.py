@@ -9,7 +9,7 @@ The rules of simplification are those of sympy. Terms that differ only in their 
 powers of one base. A product of a number and a sum is multiplied out; other products are not. Results of `raw_sum` and
 `raw_product` keep their order until something is substituted into them.
 """
-# one long file: the operators of expressions call the rules for sums, products and powers, and these create expressions
+# long: the operators of expressions call the rules for sums, products and powers, and these create expressions
 
 from __future__ import annotations
 

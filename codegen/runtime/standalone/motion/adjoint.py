@@ -47,8 +47,7 @@ def segment_backwards(
     of_states : array (m, ntimes, nq + nu), or (m, ntimes, 0) for zeros
         Derivatives of the functionals with respect to the coordinates and speeds at these times.
     behind : array (n,), (m, n, noutputs), (m, n)
-        Times of events at which outputs jump; derivatives of the functionals with respect to the outputs after the jump, and to
-        these times.
+        Times of events at which outputs jump; derivatives with respect to the outputs after the jump, and to these times.
     end_q, end_u : array (m, nq), (m, nu)
         Derivatives with respect to independent entries of the state at the segment's end; to all entries, if `whole` is given.
     whole : (array (nq,), array (nu,)), optional
