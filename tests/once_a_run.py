@@ -39,6 +39,7 @@ def compiled_once(kept: Path) -> Iterator[None]:
     """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike.
 
     With -O0, clang compiles large sources if it is there and ``CC`` names no compiler: it takes two thirds of gcc's time.
+    It compiles a library as one unit: reading the sources again for a second unit takes as long as compiling the first.
     The compiler that users have links them, because starting clang takes three times as long as linking.
     """
     compile_anew, run_anew = Build._compile, codegen.runtime.standalone.files.build.run_all
@@ -52,9 +53,9 @@ def compiled_once(kept: Path) -> Iterator[None]:
         small = sum(map(len, _texts(build.sources))) < SMALL
         if type(build) is not CallerBuild and (type(build) is not Build or small):
             return compile_anew(build, output, log_file)
-        given = build.compiler
+        given = build.compiler, build.units
         if clang and "-O0" in build.flags and not os.environ.get("CC"):
-            build.compiler = [clang]
+            build.compiler, build.units = [clang], ()
         try:
             library = kept / f"{build.key()}.so"
             if used(library):
@@ -64,7 +65,7 @@ def compiled_once(kept: Path) -> Iterator[None]:
             compile_anew(build, output, log_file)
             put(library, output.read_bytes())
         finally:
-            build.compiler = given
+            build.compiler, build.units = given
         return None
 
     with pytest.MonkeyPatch.context() as patch:

@@ -14,6 +14,7 @@ from tiers import (
     campaign_cases,
     function_of,
     long_functions,
+    mark_campaign,
     missing_and_outdated,
     recorded,
     skipped,
@@ -38,6 +39,21 @@ def test_what_always_runs_exists_and_is_long() -> None:
 
 def test_what_is_left_to_the_campaign_exists() -> None:
     assert {function_of(n) for n in campaign_cases()} <= functions()
+
+
+def test_functions_and_single_cases_are_left_to_the_campaign() -> None:
+    case, function = (next(n for n in campaign_cases() if ("[" in n) == x) for x in (True, False))
+    left: list[str] = []
+    items = [
+        SimpleNamespace(nodeid=n, add_marker=lambda _, n=n: left.append(n))
+        for n in (case, f"{function_of(case)}[no case]", function, f"{function}[0]", f"{function}_too")
+    ]
+    mark_campaign(items)
+    assert left == [case, function, f"{function}[0]"]
+
+
+def test_what_always_runs_is_not_left_to_the_campaign() -> None:
+    assert set(ALWAYS).isdisjoint(campaign_cases()) and set(map(function_of, ALWAYS)).isdisjoint(campaign_cases())
 
 
 def test_quick_functions_stand_in_every_folder() -> None:

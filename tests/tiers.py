@@ -45,16 +45,16 @@ def function_of(nodeid: str) -> str:
 
 
 def campaign_cases() -> set[str]:
-    """Names of tests with their cases."""
+    """Names of tests with their cases, and of functions of which all cases are meant."""
     lines = CAMPAIGN.read_text(encoding="utf-8").splitlines()
     return {line for line in lines if line and not line.startswith("#")}
 
 
 def mark_campaign(items: Iterable[pytest.Item]) -> None:
-    """Gives the cases of the list the marker ``campaign``."""
+    """Gives the cases and functions of the list the marker ``campaign``."""
     listed = campaign_cases()
     for item in items:
-        if item.nodeid in listed:
+        if not listed.isdisjoint((item.nodeid, function_of(item.nodeid))):
             item.add_marker("campaign")
 
 
