@@ -63,6 +63,8 @@ class Build:
         The seal of the manifest when the package was opened. A package that has been generated again since is refused.
     """
 
+    suffix = ".so"
+
     def __init__(
         self,
         folder: Path,
@@ -111,7 +113,7 @@ class Build:
         """The compiled library, if it exists. Removes damaged libraries, and ignores cached libraries that other users
         can write to."""
         for place in self.places:
-            for found in sorted(place.glob(f"{key or self.key()}-*.so")):
+            for found in sorted(place.glob(f"{key or self.key()}-*{self.suffix}")):
                 if not trusted(found):
                     continue
                 with contextlib.suppress(OSError):
@@ -145,7 +147,7 @@ class Build:
                     made = Path(temporary) / "library.so"
                     with waiting(f"{self.name}{self.part and f' ({self.part})'}"):
                         self._compile(made, place / f"{self.name}.log")
-                    library = place / f"{key}-{digest(made)}.so"
+                    library = place / f"{key}-{digest(made)}{self.suffix}"
                     if in_cache(place):
                         made.chmod(PRIVATE)
                     os.replace(made, library)

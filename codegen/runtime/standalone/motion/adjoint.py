@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
-from .problem import REASONS, Segment
+from .problem import REASONS
+from .results import Segment
 
 
 @dataclass(slots=True)

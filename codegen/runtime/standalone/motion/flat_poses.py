@@ -19,7 +19,7 @@ from ..arrays import Array
 from ..assembly.partitions import scale_of
 from ..calls.arguments import Seeds
 from ..errors import SingularJointError
-from .problem import Run, Segment
+from .results import Run, Segment
 
 GROWN = 4.0
 """Ratio of the motions of dependent coordinates near the pose and farther away. A direction with a larger ratio has no

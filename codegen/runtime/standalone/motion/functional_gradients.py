@@ -36,7 +36,8 @@ from .functionals import (
     check_functionals,
 )
 from .hessians import Motion, Wanted, check_joints, check_supported, curvature_of, directions_of
-from .problem import Problem, Run
+from .problem import Problem
+from .results import Run
 from .settings import Settings, Start
 from .simulation import MEANINGLESS, Simulation, meaningless
 from .weights_along import Crossed
@@ -405,7 +406,7 @@ class FunctionalGradients(Simulation):
         total: Adjoint | None = None
         whole: tuple[Array, Array] | None = None
         for number, segment in reversed(list(enumerate(run.segments))):
-            start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
+            start, end = segment.problem.start if number else -math.inf, segment.t
             within = (weights.times > start) & (weights.times <= end)
             # events at the time between two segments belong to the later segment
             times, of_outputs, of_times = weights.behind

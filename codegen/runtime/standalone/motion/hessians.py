@@ -15,7 +15,8 @@ from ..statics.second_derivatives import SecondDerivatives
 from .adjoint import made_again
 from .at_states import AtStates
 from .functionals import Functional, LeastSquares, WeightedResults
-from .problem import Problem, Segment
+from .problem import Problem
+from .results import Segment
 from .switches import switch_words
 from .switches_along import HEAD, REFUSED, check_switches, lasting_modes
 from .weights_along import Crossed, by_control_points, of_event, of_squares
@@ -364,7 +365,7 @@ def _forwards(motion: Motion, along: Problem, times: Array, memory: int) -> list
     for number, (segment, functions, opened) in enumerate(
         zip(motion.segments, motion.functions, motion.opened, strict=True)
     ):
-        start, end = segment.problem.start if number else -math.inf, segment.counts["t"]
+        start, end = segment.problem.start if number else -math.inf, segment.t
         here = np.ascontiguousarray(times[(times > start) & (times <= end)])
         problem = replace(segment.problem, dq=dq, du=du, dp=along.dp, dinputs=along.dinputs, kept=[])
         of = _Tangents(opened, functions, segment, problem, here)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..calls.non_finite import culprit
-from .problem import Segment
+from .results import Segment
 from .switches import switch_words
 
 INFINITE, RESTS, JUMPS, PASSES, BEGINS, BENDS, SAMPLED = range(7)

@@ -11,7 +11,8 @@ from ..calls.non_finite import culprit
 from ..calls.targets import partitions_of
 from ..errors import SingularJointError
 from ..files.manifest import ALLOWED
-from .problem import Problem, Run
+from .problem import Problem
+from .results import Run
 from .run import MotionRun
 from .switches import switch_words
 

@@ -23,8 +23,8 @@ from ..files.compiling import seconds_waited
 from ..warning import warn
 from .controllers import Sampling
 from .library import four_lanes, motion_library, precise_functions
-from .problem import REASONS, Problem, Run, Segment
-from .results import Results
+from .problem import REASONS, Problem
+from .results import Run, Segment
 from .switches import event_order_matters, not_held, order_matters, passed_late, touched
 
 SLICE = 0.1
@@ -45,8 +45,12 @@ COARSE = 3e-6
 COARSE_ALONG = 1e-5
 """Sum of errors of derivatives along the motion, relative to its rates, above which there is a warning."""
 
-SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
-"""Names of the counts that are summed over segments."""
+COUNTS = {
+    "t": "t", "steps": "accepted", "rejected": "rejected", "evaluations": "evaluations",
+    "closing_steps": "closing_steps", "condition": "condition", "jacobians": "jacobians",
+    "factorizations": "factorizations", "stiffness": "stiffness",
+}  # fmt: skip
+"""Members of ``ordernm_results`` with the counts of a motion."""
 
 Progress = Callable[[float, float], None]
 
@@ -102,39 +106,43 @@ class MotionRun(Room):
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
             if before is not None:
                 self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
-            events += _new_events(events, segment) if segment.events else []
+            if segment.events:
+                events += _new_events(events, segment)
             rows.append(found[1:] if before is not None and not len(left.times) else found)
             segments.append(segment)
-            self._warn_of(segment, bool(len(problem.dp)) or keep_steps)
+            if "switches" in self._manifest:
+                self._warn_of(segment, bool(len(problem.dp)) or keep_steps)
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
-            tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
+            tried = {opened.number} if segment.t > left.start else tried | {opened.number}
             other, left = self._go_on(opened, left, segment, last, tried)
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
-        self._warn_of_coarse(problem, segments)
+        if constant:
+            self._warn_of_coarse(problem, segments)
         waited = seconds_waited() - waited
         times = {"seconds": time.perf_counter() - began - waited} | ({"compiling": waited} if waited else {})
         counts = self._counts(problem, segments, times)
         reason = problem.kink if segment.reason == "end" and problem.kink else segment.reason
         whole = np.concatenate(rows) if len(rows) > 1 else rows[0]
-        return Run(whole, reason, counts, segment.singular, segment.component, events, segments, last)
+        return Run(whole, reason, counts, segment.r.singular, segment.r.component, events, segments, last)
 
     def _warn_of(self, segment: Segment, along: bool) -> None:
         """Warns of switches that affect derivatives or were passed late; `along`: the motion has derivatives."""
-        if segment.grazed:
-            warn(touched(segment.opened.manifest, segment.grazed - 1))
-        if segment.not_held and along:
-            warn(not_held(segment.opened.manifest, segment.not_held - 1))
+        r, manifest = segment.r, segment.opened.manifest
+        if r.grazed:
+            warn(touched(manifest, r.grazed - 1))
+        if r.not_held and along:
+            warn(not_held(manifest, r.not_held - 1))
         if segment.late:
-            warn(passed_late(segment.opened.manifest, *segment.late))
-        if segment.ordered and segment.together:
-            warn(order_matters(segment.opened.manifest, *segment.together))
-        if segment.event_ordered and segment.together:
-            output, level, *_ = segment.problem.events[segment.event_together - 1]
+            warn(passed_late(manifest, *segment.late))
+        if r.ordered and segment.together:
+            warn(order_matters(manifest, *segment.together))
+        if r.event_ordered and segment.together:
+            output, level, *_ = segment.problem.events[r.event_together - 1]
             event = f"{self.output_names[output]} = {level:g}"
-            warn(event_order_matters(segment.opened.manifest, *segment.together[:2], event))
+            warn(event_order_matters(manifest, *segment.together[:2], event))
 
     def _entries(self, problem: Problem) -> list[str]:
         """Names of the integrated variables, in order."""
@@ -148,16 +156,13 @@ class MotionRun(Room):
 
     def _warn_of_coarse(self, problem: Problem, segments: list[Segment]) -> None:
         """Warns of constant steps that do not resolve the motion, or its derivatives."""
-        values, along = segments[0].coarse[0], segments[0].coarse_along[0]
-        if len(segments) > 1:
-            values, along = (
-                math.fsum(x[0] for x in of) for of in zip(*((s.coarse, s.coarse_along) for s in segments), strict=True)
-            )
+        found = [s.r for s in segments]
+        values, along = math.fsum(r.coarse for r in found), math.fsum(r.coarse_along for r in found)
         if not (values > COARSE or along > COARSE_ALONG):
             return
-        worst = max(segments, key=lambda s: s.coarse[1] if values > COARSE else s.coarse_along[1])
-        t = worst.coarse[2] if values > COARSE else worst.coarse_along[2]
-        steep = f"a force or an integrated output changes steeply, most likely with {self._entries(problem)[worst.coarse[3]]}"
+        worst = max(found, key=lambda r: r.coarsest if values > COARSE else r.coarsest_along)
+        t = worst.coarse_at if values > COARSE else worst.coarse_along_at
+        steep = f"a force or an integrated output changes steeply, most likely with {self._entries(problem)[worst.coarse_entry]}"
         loops = "loops may come near a loss of rank"
         places = ([loops] if self.closure_names else []) + ([steep] if along or not self.closure_names else [])
         errors = [f"errors of steps add up to about {values:.1g} of the state"] if values > COARSE else []
@@ -169,21 +174,15 @@ class MotionRun(Room):
 
     def _counts(self, problem: Problem, segments: list[Segment], times: dict[str, float]) -> dict[str, Any]:
         """Counts and times of all segments that apply to this method and model."""
-        counts = segments[-1].counts | {"partitions_changed": len(segments) - 1} | times
+        names = _counted(bool(self.closure_names), problem.method, problem.fixed)
+        counts = {name: getattr(segments[-1].r, COUNTS[name]) for name in names}
         if len(segments) > 1:
-            of_segments = [s.counts for s in segments]
-            counts |= {name: sum(c[name] for c in of_segments) for name in SUMMED}
-            counts |= {name: max(c[name] for c in of_segments) for name in ("condition", "stiffness")}
-        unused: tuple[str, ...] = () if len(partitions_of(self._manifest)) > 1 else ("partitions_changed",)
-        if not self.closure_names:
-            unused += ("closing_steps", "condition")
-        if problem.method != "radau":
-            unused += ("jacobians", "factorizations")
-        if problem.method != "dop853" or problem.fixed:
-            unused += ("stiffness",)
-        for name in unused:
-            del counts[name]
-        return counts
+            for name in names[1:]:
+                of_all = max if name in ("condition", "stiffness") else sum
+                counts[name] = of_all(getattr(s.r, COUNTS[name]) for s in segments)
+        if len(partitions_of(self._manifest)) > 1:
+            counts["partitions_changed"] = len(segments) - 1
+        return counts | times
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """Raises AttributeError if the package lacks a function that the motion needs, because the C code cannot report this."""
@@ -229,7 +228,7 @@ class MotionRun(Room):
         choices[list(tried)] = math.inf
         other = int(np.argmin(choices))
         here, there = segment.condition, float(choices[other])
-        t = segment.counts["t"]
+        t, r = segment.t, segment.r
         better = there * BETTER < here
         if not better and there < here * BETTER:  # a loop loses rank with any choice of independent coordinates
             growth = [
@@ -243,8 +242,8 @@ class MotionRun(Room):
         left = replace(
             problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t],
             looked_at=0.0 if better else here, kept=[],
-            step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
-            most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
+            step=problem.step if problem.fixed or problem.method == "rk4" else r.next_step,
+            most_steps=max(problem.most_steps - r.accepted - r.rejected, 1),
         )  # fmt: skip
         return opened, left
 
@@ -299,10 +298,10 @@ class MotionRun(Room):
         c = problem.in_c(ffi, system)
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
-        results = Results(library, ffi, c, problem, self.nq if self.closure_names else 0, keep_steps, memory)
+        segment = Segment(library, ffi, c, opened, problem, self.nq if self.closure_names else 0, keep_steps, memory)
         if problem.sampling:
-            self._sample(problem, problem.sampling, library, ffi, c, results)
-        r, shown, precise = results.r, time.perf_counter(), 0
+            self._sample(problem, problem.sampling, library, ffi, c, segment)
+        r, shown = segment.r, time.perf_counter()
         while True:
             try:
                 reason = REASONS[library.ordernm_go(motion, r, SLICE)]
@@ -312,24 +311,21 @@ class MotionRun(Room):
             except KeyboardInterrupt:
                 reason = "interrupted"
             if reason == "imprecise":
-                precise = _precise(opened)
-                r.as_is = not precise
-                system.precise = ffi.cast("const ordernm_precise *", precise)
+                segment.precise = _precise(opened)
+                r.as_is = not segment.precise
+                system.precise = ffi.cast("const ordernm_precise *", segment.precise)
             elif reason == "full":
-                results.grow()
+                segment.grow()
             elif reason != "paused":
                 break
         if reason == "refused" and problem.sampling and problem.sampling.failure:
             if not isinstance(problem.sampling.failure, KeyboardInterrupt):
                 raise problem.sampling.failure
             reason = "interrupted"
-        rows = results.rows()
-        # with constant steps, a stage may have a larger condition number than the state of the row
-        poor = r.condition_here if reason == "poor" else None
-        last = rows[:0] if reason in ("end", "event", "interrupted") else results.row_here(motion)
-        return results.segment(opened, reason, r.condition_here if poor is None else poor, precise), rows, last
+        rows = segment.end(reason)
+        return segment, rows, rows[:0] if reason in ("end", "event", "interrupted") else segment.row_here(motion)
 
-    def _sample(self, problem: Problem, sampling: Sampling, library: Any, ffi: Any, c: Any, results: Results) -> None:
+    def _sample(self, problem: Problem, sampling: Sampling, library: Any, ffi: Any, c: Any, segment: Segment) -> None:
         """Sets the C callback that the integrator calls at knots of the inputs; it calls the controller."""
         k, doubles = len(problem.dp), ffi.typeof("double[]")
         shown = (self.nq, self.nu, self.noutputs if self._gives_outputs else 0)
@@ -338,8 +334,8 @@ class MotionRun(Room):
         def at_knot(_: Any, motion: Any, t: float) -> int:
             if not sampling.is_due(t):
                 return 0
-            row = np.empty(results.size)  # the sample keeps this array
-            if library.ordernm_row(motion, results.r, ffi.from_buffer(doubles, row)):
+            row = np.empty(segment.size)  # the sample keeps this array
+            if library.ordernm_row(motion, segment.r, ffi.from_buffer(doubles, row)):
                 return 1
             values = [self._of_rows(row, i)[:size] for i, size in enumerate(shown, 1)]
             derivatives = none
@@ -355,6 +351,19 @@ class MotionRun(Room):
         callback = ffi.callback("int(void *, ordernm_motion *, ordernm_scalar)", at_knot)
         problem.kept.append(callback)  # the C struct does not keep it alive
         c.at_knot = callback
+
+
+@lru_cache(64)
+def _counted(loops: bool, method: str, fixed: bool) -> tuple[str, ...]:
+    """Names of the counts that apply to a method and a model with or without loops; the first is the time reached."""
+    names = ["t", "steps", "rejected", "evaluations"]
+    if loops:
+        names += ["closing_steps", "condition"]
+    if method == "radau":
+        names += ["jacobians", "factorizations"]
+    elif method == "dop853" and not fixed:
+        names += ["stiffness"]
+    return tuple(names)
 
 
 @lru_cache(64)

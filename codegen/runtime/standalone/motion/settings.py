@@ -72,6 +72,13 @@ class Settings:
     keyword: str = "method"
 
     def __post_init__(self) -> None:
+        if (
+            self.method is METHOD
+            and self.rtol is RTOL
+            and self.step is self.largest_step is None
+            and (self.most_steps is MOST_STEPS)
+        ):  # the defaults
+            return
         if self.method not in METHODS:
             raise ValueError(f"{self.keyword} is {self.method!r}; allowed are {', '.join(map(repr, METHODS))}")
         if self.method == "rk4" and self.step is None:

@@ -105,12 +105,12 @@ def take_inputs(
     ValueError
     """
     places = tuple(names.index(n) for n in moving)
+    if given is None:
+        return Inputs(0, None, np.zeros((1, len(names))), places)
     if isinstance(given, Inputs):
         return given
     if older := of_another_version(given, [Inputs]):
         raise ValueError(f"inputs are of another class{older}")
-    if given is None:
-        return Inputs(0, None, np.zeros((1, len(names))), places)
     if isinstance(given, Mapping):
         signals = _by_name(names, given, moving, interval)
         if any(s.knots is not None for s in signals):

@@ -25,8 +25,9 @@ from .directions import Directions, take_sensitivities
 from .flat_poses import lost_directions, what_is_lost
 from .inputs import Inputs
 from .lost import SAMPLED, lost_names, why_lost
-from .problem import Problem, Run
+from .problem import Problem
 from .reasons import Reasons
+from .results import Run
 from .run import Progress, places_in_rows
 from .settings import Settings, Start
 from .signals import take_inputs
@@ -176,12 +177,14 @@ class Simulation(Reasons):
         if at is not None:
             inputs, controlled = with_controlled(self.signal_names, inputs, self.moving_inputs, at)
         spline = take_inputs(self.signal_names, inputs, self.moving_inputs, (start, end))
-        spline.check_moving(self.signal_names, start, end)
-        end, times, kink = self._before_kinks(start, end, times, p_all, spline)
+        kink = ""
+        if self.prescribed_names:
+            spline.check_moving(self.signal_names, start, end)
+            end, times, kink = self._before_kinks(start, end, times, p_all, spline)
         directions = take_sensitivities(self, given.sensitivities, given.dq0, given.du0, spline)
-        dq, du = directions.dq, directions.du
+        dq, du, k = directions.dq, directions.du, directions.k
         of_model = None
-        if directions.k and not directions.given and not self.states.initial_is_fixed:
+        if k and not directions.given and not self.states.initial_is_fixed:
             along: tuple[Array, Array] | None
             if q is None or u is None:
                 of_model = self.states.initial_sensitivities(p_all, directions.dp)
@@ -194,16 +197,15 @@ class Simulation(Reasons):
                     x + of * self._arguments.omitted(n, given)
                     for x, of, n, given in zip((dq, du), along, "qu", (q, u), strict=True)
                 )
-        first = {"p": p_all, "inputs": spline.at(start), "t": start}
         if of_model and q is None and u is None and not self.prescribed_names:
             q_all, u_all = of_model[:2]
         else:
-            q_all, u_all = self._first_state(q, u, first)
-        allowed, allowed_directions = (
-            settings.tolerances(name, n)
-            for name, n in (("atol", self.nq + self.nu), ("atol_sensitivities", directions.k))
-        )
+            q_all, u_all = self._first_state(q, u, p_all, spline, start)
+        allowed = settings.tolerances("atol", self.nq + self.nu)
         assert allowed is not None
+        allowed_directions = None
+        if settings.atol_sensitivities is not None:
+            allowed_directions = settings.tolerances("atol_sensitivities", k)
         largest_step = settings.largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)
         problem = Problem(
             start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs,
@@ -227,17 +229,19 @@ class Simulation(Reasons):
 
         return before_kinks(self._manifest, self._kinks, start, end, times, p, inputs)
 
-    def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
-        """A consistent initial state at the parameters, inputs and time in `rest`."""
-        p = rest["p"]
+    def _first_state(self, q: Numbers, u: Numbers, p: Array, inputs: Inputs, t: float) -> tuple[Array, Array]:
+        """A consistent initial state at these parameters, inputs and time."""
         if q is None and u is None and self.states.initial_is_fixed:
-            q_all, u_all = (x.copy() for x in self.package._initial)
+            q_all, u_all = self.package._initial
+            q_all, u_all = q_all.copy(), u_all.copy()
             normalise(q_all, self._arguments.quaternions)
             return q_all, u_all
         if q is None and u is None and not self.prescribed_names:
             return self.states.initial_state(p)
         first = self.states.first_values(p) if q is None or u is None else (q, u)
-        given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, **rest}
+        given = {
+            "q": first[0] if q is None else q, "u": first[1] if u is None else u, "p": p, "inputs": inputs.at(t), "t": t
+        }  # fmt: skip
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:
             raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")

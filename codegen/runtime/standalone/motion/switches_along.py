@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import PackageError
-from .problem import Segment
+from .results import Segment
 from .switches import switch_words
 
 HEAD, AT_ROOT = 6, 5
@@ -81,10 +81,10 @@ def check_switches(
 def _unclear(manifest: Mapping[str, Any], segment: Segment) -> str:
     """The reason why second derivatives may not exist after the switches of a motion; "" if there is none."""
     names = [switch_words(manifest, n) for n in range(len(manifest.get("switches", ())))]
-    if segment.grazed:
-        return f"the motion only touches where {names[segment.grazed - 1]} changes its branch"
-    if segment.not_held:
-        return f"where {names[segment.not_held - 1]} changes its branch, one branch has no value on the other side"
+    if segment.r.grazed:
+        return f"the motion only touches where {names[segment.r.grazed - 1]} changes its branch"
+    if segment.r.not_held:
+        return f"where {names[segment.r.not_held - 1]} changes its branch, one branch has no value on the other side"
     if segment.late:
         return f"at t = {segment.late[0]:.9g} s, {names[segment.late[1]]} changes its branch where a loop loses rank"
     if segment.lost:
