@@ -95,9 +95,11 @@ class Problem:
             c.ndirections, c.dq, c.du, c.dp = k, begin(self.dq), begin(self.du), begin(self.dp)
             if self.atol_directions is not None:
                 c.atol_directions = begin(self.atol_directions)
-        c.start, c.end, c.step, c.fixed, c.rtol = self.start, self.end, self.step, self.fixed, self.rtol
-        c.largest_step, c.most_steps = self.largest_step, self.most_steps
-        c.poor, c.looked_at = self.poor, self.looked_at
+        c.start, c.end, c.rtol, c.most_steps = self.start, self.end, self.rtol, self.most_steps
+        if self.step or self.largest_step:
+            c.step, c.fixed, c.largest_step = self.step, self.fixed, self.largest_step
+        if self.poor:
+            c.poor, c.looked_at = self.poor, self.looked_at
         c.system, c.method = system, METHODS.index(self.method)
         inputs, of_motion = c.inputs, self.inputs
         inputs.degree, inputs.count = of_motion.degree, len(of_motion.values)

@@ -288,9 +288,11 @@ class Simulation(Reasons):
         if shown:
             kept = [i for i, name in enumerate(directions.names) if name not in lost]
             self._look_at_outputs(problem, run, outputs, derivatives[2][kept] if lost else derivatives[2])
+        if shown < self.noutputs:
+            outputs, derivatives[2] = outputs[:, :shown], derivatives[2][..., :shown]
         arrays = {
-            "t": t, "q": q, "u": u, "dq": derivatives[0], "du": derivatives[1], "outputs": outputs[:, :shown],
-            "doutputs": derivatives[2][..., :shown], "p": problem.p.copy(),
+            "t": t, "q": q, "u": u, "dq": derivatives[0], "du": derivatives[1], "outputs": outputs,
+            "doutputs": derivatives[2], "p": problem.p.copy(),
             "inputs": problem.inputs.values[0] if problem.inputs.knots is None else None,
         }  # fmt: skip
         later: dict[str, Any] = {"energy": None, "closure": None}
