@@ -19,9 +19,7 @@ API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 @pytest.fixture(scope="module")
 def readme(tmp_path_factory):
     """README, whose blocks have run."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ORDERNM_CFLAGS", "-O1")  # compiles quicker
-        yield follow("README.md", tmp_path_factory.mktemp("readme"))
+    return follow("README.md", tmp_path_factory.mktemp("readme"))
 
 
 def test_the_first_example(readme):

@@ -344,8 +344,8 @@ def twice(command):
 
 
 @pytest.fixture
-def one(twice):
-    return read(twice[0])
+def one(first):
+    return read(first)
 
 
 def test_a_second_run_computes_the_same(twice):

@@ -37,19 +37,24 @@ TAKE_OUT = {
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
+def package(tmp_path_factory):
+    """The package of a model, generated where it is needed first."""
     folder = tmp_path_factory.mktemp("single")
-    for name in MODELS:
-        codegen.generate(
-            EXAMPLES / f"{name}.yaml", folder / name, reactions=True, frames=True, check=False, compile="all"
-        )
-    return folder
+
+    def made(name):
+        if not (folder / name).exists():
+            codegen.generate(
+                EXAMPLES / f"{name}.yaml", folder / name, reactions=True, frames=True, check=False, compile="all"
+            )
+        return folder / name
+
+    return made
 
 
 @pytest.fixture(params=MODELS)
-def both(request, folders):
+def both(request, package):
     """A solver, and the same without the faster path; how many calls have taken it."""
-    fast, general = (codegen.load(folders / request.param, "c") for _ in range(2))
+    fast, general = (codegen.load(package(request.param), "c") for _ in range(2))
     general._calls = general._target.calls = NoCalls()
     fast._calls = Counted(fast._calls)
     return fast, general, fast._calls.taken
@@ -300,8 +305,8 @@ def test_threads_do_not_disturb_each_other(both):
 
 
 @pytest.mark.parametrize("target", ["c", "numpy"])
-def test_places_that_share_memory_are_refused(folders, target):
-    solver = codegen.load(folders / "double_pendulum", target)
+def test_places_that_share_memory_are_refused(package, target):
+    solver = codegen.load(package("four_bar"), target)
     (q, u, p, inputs, t), _, seeds = draw(solver, np.random.default_rng(1), 2)
     n = solver.nu
     a = np.zeros((2, n))
@@ -327,8 +332,8 @@ def test_places_that_share_memory_are_refused(folders, target):
     same(found, (value, derivative))
 
 
-def test_places_of_loop_forces_are_checked_alike(folders):
-    solver = codegen.load(folders / "four_bar")
+def test_places_of_loop_forces_are_checked_alike(package):
+    solver = codegen.load(package("four_bar"))
     (q, _, p, *_), _, seeds = draw(solver, np.random.default_rng(1), 1)
     M, dM = solver.mass_matrix_sensitivities(q, p, dq=seeds["dq"])
     with pytest.raises(ValueError, match=r"out \(M\) and out \(dM\) share memory"):
