@@ -18,8 +18,8 @@ from .elementary import ON_ARRAYS, TABLE, Tree, tree_of
 Array = NDArray[np.float64]
 
 BESIDE, FAR_BESIDE = 1e-9, 1e-5
-"""Relative distances from a time: one for the choice of branches, one for extrapolating values that are not finite
-there."""
+"""Distances from a time, multiplied by `_scale`: one for the choice of branches, one for extrapolating values that are not
+finite there."""
 
 JUMP = 1e-7
 """Fraction of the largest nearby value below which a jump counts as a rounding error."""
@@ -116,16 +116,20 @@ def changes(f: Callable[[Array], Array], t: Array, most: int | None = None) -> I
     of = f(t)
     sign = np.sign(of)
     yield from t[sign == 0.0][:most].tolist()
-    for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0)[:most]:
-        low, high = float(t[i]), float(t[i + 1])
-        guess = low - float(of[i]) * (high - low) / float(of[i + 1] - of[i])  # by linear interpolation
-        apart = 4.0 * np.spacing(max(abs(low), abs(high)))
-        beside = np.array([max(guess - apart, low), min(guess + apart, high)])
-        if np.array_equal(np.sign(f(beside)), sign[i : i + 2]):
-            low, high = beside.tolist()
-        while low < (middle := 0.5 * (low + high)) < high:  # bisection
-            low, high = (middle, high) if np.sign(f(np.array([middle]))[0]) == sign[i] else (low, middle)
-        yield high
+    at = np.flatnonzero(sign[:-1] * sign[1:] < 0.0)[:most]
+    if not len(at):
+        return
+    low, high, first = t[at], t[at + 1], sign[at]
+    guess = low - of[at] * (high - low) / (of[at + 1] - of[at])  # by linear interpolation
+    apart = 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+    beside = np.concatenate([np.maximum(guess - apart, low), np.minimum(guess + apart, high)])
+    before, after = np.sign(f(beside)).reshape(2, -1)
+    between = (before == first) & (after == sign[at + 1])
+    low, high = np.where(between, beside.reshape(2, -1), [low, high])
+    while ((low < (middle := 0.5 * (low + high))) & (middle < high)).any():  # bisection
+        same = np.sign(f(middle)) == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    yield from high.tolist()
 
 
 # -- one-sided limits -------------------------------------------------------------------------------------------------
@@ -151,15 +155,22 @@ def jumps(tree: Tree, known: Known, t: Array) -> list[Jump]:
 
 def _beside(tree: Tree, known: Known, t: Array, side: float, order: int) -> Array:
     """Values or rates at times, on the branch of the given side; limits from that side where the values are undefined."""
-    step = np.maximum(np.abs(t), 1e-6) * BESIDE * side
+    step = _scale(t, 1e-6) * BESIDE * side
     both = np.stack([t, t + step])
     here: Array = evaluated(tree, known(both), both.shape, True)[order][0]
     if np.isfinite(here).all():
         return here
-    far = np.maximum(np.abs(t), 1e-3) * FAR_BESIDE * side
+    far = _scale(t, 1e-3) * FAR_BESIDE * side
     near, farther = (evaluated(tree, known(t + x * far), t.shape)[order] for x in (1.0, 2.0))
     with np.errstate(invalid="ignore"):  # both values may be infinite
         return np.where(np.isfinite(here), here, 2.0 * near - farther)
+
+
+def _scale(t: Array, least: float) -> Array:
+    """The time up to 1 s, then its root: distances stay above rounding errors, and below the pieces of fast functions, such
+    as the segments of a cam's table."""
+    t = np.abs(t)
+    return np.maximum(np.minimum(t, np.sqrt(t)), least)
 
 
 def _finite(x: Array) -> Array:

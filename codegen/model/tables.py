@@ -62,20 +62,22 @@ class Table:
             at = self._within(at)
         elif self.outside == "constant" and self.kind == "cubic":
             at = self._before_kinks(at)
-        result = y[0]
+        terms = [y[0]]
         for i in range(n):
             start, end = x[i] - origin, x[i + 1] - origin
             h = end - start
             s = made("min", made("max", start, at), end) - start
             if self.kind == "linear":
-                result += (y[i + 1] - y[i]) / h * s
+                terms.append((y[i + 1] - y[i]) / h * s)
             else:
                 a, b, c = self._cubic(i, h)
-                result += s * (a + s * (b + c * s))
+                terms.append(s * (a + s * (b + c * s)))
         if self.outside == "linear":
             first, last = self._slopes()
-            result = result + first * made("min", at - x[0], 0) + last * made("max", 0, at - x[n])
-        return result.tree
+            terms += [first * made("min", at - x[0], 0), last * made("max", 0, at - x[n])]
+        while len(terms) > 1:  # in pairs: time and depth of one long sum would grow with the square of its length
+            terms = [sum(terms[i + 1 : i + 2], terms[i]) for i in range(0, len(terms), 2)]
+        return terms[0].tree
 
     def _within(self, argument: Expression) -> Expression:
         """Position of the argument within its period. In a cubic table nothing jumps where the next period begins."""

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.jumps import jumps
 from codegen.model import parse_model
 from codegen.model.binding import bind
 from codegen.model.errors import ModelError
 from codegen.model.expressions import Expression
 from codegen.model.kinks import find_kink
 from codegen.model.parsing import parse
+from codegen.model.tables import Table
 from codegen.runtime.standalone.errors import SimulationError
 from codegen.runtime.standalone.motion.functionals import Final
 
@@ -76,6 +78,17 @@ def test_motion_whose_velocity_is_continuous_has_none(text: str) -> None:
 @pytest.mark.filterwarnings("error")
 def test_rates_that_are_infinite_beside_a_time_warn_of_nothing() -> None:
     find_kink(bound("sqrt((exp(-(t)**2))**2) + atan2(exp(-(t)**2), t)"), {}, frozenset())
+
+
+@pytest.mark.parametrize("w", [60.0, 6000.0])
+@pytest.mark.parametrize("turns", [1.0, 1e5, 6e6])
+def test_the_segments_of_a_fast_cam_have_none_at_late_times(w: float, turns: float) -> None:
+    """A cubic table of 200 points, turned at w rad/s, at its points after some turns."""
+    x = np.linspace(0.0, 2.0 * np.pi, 201)
+    y = np.append(np.sin(x[:-1]) ** 3, 0.0)
+    table = Table(tuple(x.tolist()), tuple(map(Expression.number, y.tolist())), "cubic", "periodic")
+    tree = table.at(bound("w*t").tree)
+    assert jumps(tree, lambda t: {"w": (np.float64(w), 0.0), "t": (t, 1.0)}, (x[1:-1] + 2.0 * np.pi * turns) / w) == []
 
 
 @pytest.mark.parametrize("seed", range(6))
