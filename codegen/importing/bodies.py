@@ -30,7 +30,7 @@ class ImportedBody:
     merged : list of (Link, Placement)
         The other links, each with the pose of its frame (not the file's, see `Link.origin`) in the body.
     words : set of str
-        The numbers of the body that become parameters.
+        Which numbers of the body become parameters: ``mass``, ``com``, ... (see `parameters.WORDS`).
     comments : list of str
     tolerated : bool
         Whether the body's inertia is physically impossible but kept.

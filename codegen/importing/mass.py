@@ -19,7 +19,7 @@ FIXED: Final = "; repaired: the joint is fixed"
 _LARGEST: Final = 1e150
 """Largest number accepted; its square is still finite."""
 _WATER: Final = 1000.0
-"""Density of the balls that replace point masses, that of water, kg/m^3."""
+"""Density of the balls that replace point masses: the density of water, kg/m^3."""
 
 
 def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Problem]:

@@ -64,9 +64,10 @@ _LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
 }  # fmt: skip
 """Parts of a compiled model that the model format lacks.
 
-By the name of their count: the tag, the tag of the list that contains it, a remark, and the effect of the absence.
+Each key is the field of `mjModel` that counts the parts. Its value: the parts' tag, the tag of the list that contains them, a
+remark, and the effect of their absence.
 """
-_SOFT: Final = "loops are closed exactly: no solref, no solimp"
+_SOFT: Final = "here loops are closed exactly, without solref and solimp"
 _UNNAMED: Final = "MuJoCo Model"
 _MEDIUM: Final = ("density", "viscosity", "wind")
 

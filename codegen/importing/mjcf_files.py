@@ -173,7 +173,7 @@ class MjcfFiles:
         return None
 
     def check(self, element: Element) -> None:
-        """Finds files that may not be read, and sizes that exceed any machine."""
+        """Report files that may not be read, and sizes above the limits."""
         attributes = element.attributes
         for key, name in attributes.items():
             if key.startswith("file") and name and element.tag not in ("include", "model"):

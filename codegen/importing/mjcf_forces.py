@@ -309,7 +309,7 @@ class PassiveForces:
             self.act(f"{named}{end}", length, damper_law(damping, dampers, length.rate), 1.0)
 
     def rotor(self, length: Length | None, armature: float, what: str, place: Place) -> None:
-        """Adds the inertia of a rotor that turns with a length; the length must depend on one joint only."""
+        """Add the inertia of a rotor whose angle is a given length; the length must depend on one joint only."""
         if length is None or len(length.factors) != 1:
             self.robot.leave_out(what, place, Effect.DIFFERS, "it couples the inertias of several joints")
             return

@@ -61,7 +61,7 @@ def free_name(wanted: str, used: Iterable[str]) -> str:
 
 
 def model_name(text: str) -> str:
-    """A name for the model and the package: lower case, not a keyword of Python or C, not a module."""
+    """A name for the model and the package, similar to a text: in lower case, and no keyword of Python or C or module name."""
     name = made_name(text).lower().strip("_") or "robot"
     if name[0].isdigit():
         name = f"robot_{name}"

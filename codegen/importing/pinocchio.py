@@ -15,10 +15,10 @@ from .robot import WORLD, Coupling, Effect, Inertia, Law, Link, Place, Robot, Ro
 
 _FILE: Final = "pinocchio.Model"
 _NOTHING: Final = 1e-200
-"""Size below which entries count as zero: Pinocchio leaves some memory unwritten."""
+"""Magnitude below which entries count as zero, since Pinocchio leaves some entries uninitialised."""
 _BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 _OTHER_SPEEDS: Final = ("free", "planar")
-"""Joint types whose speeds Pinocchio orders or directs differently."""
+"""Joint types whose speeds have another order or another direction in Pinocchio than in the model format."""
 
 
 class _Step(NamedTuple):

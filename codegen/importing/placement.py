@@ -101,7 +101,7 @@ def turned(rotation: Array, x: Any) -> Three:
 
 
 def exact_sum(a: float, b: float) -> float:
-    """The sum of two vectors in exact decimals."""
+    """The sum of two numbers in exact decimals."""
     if a == 0 or b == 0:
         return a + b
     return float(Decimal(repr(a)) + Decimal(repr(b)))

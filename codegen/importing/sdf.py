@@ -36,7 +36,7 @@ _REMARKS: Final = {
     "wind": ("the wind", Effect.DIFFERS), "enable_wind": ("the wind", Effect.UNKNOWN), "road": ("", Effect.NONE),
     "state": ("poses of a saved state; the model begins in those of its links", Effect.NONE),
     "population": ("models that a simulator adds", Effect.DIFFERS), "battery": ("", Effect.NONE),
-    "self_collide": ("contacts", Effect.STOPS), "allow_auto_disable": ("rest of a simulator", Effect.NONE),
+    "self_collide": ("contacts", Effect.STOPS), "allow_auto_disable": ("a simulator may stop bodies at rest", Effect.NONE),
     "must_be_base_link": ("", Effect.NONE), "projector": ("", Effect.NONE), "particle_emitter": ("", Effect.NONE),
     "kinematic": ("a link that the simulator moves itself", Effect.DIFFERS), "material": ("", Effect.NONE),
     "velocity_decay": ("damping of a link", Effect.DIFFERS), "gripper": ("contacts", Effect.STOPS),
@@ -140,7 +140,7 @@ class _Reader(RobotReader):
             read = (
                 "versions up to 1.12 are known"
                 if is_version(said)
-                else "read as 1.0, where axes have the model's components"
+                else "read as 1.0, in which axes are given in the model's frame"
             )
             message = f"the version of <sdf> is {shortened(said) if said else 'left out'}; {read}"
             self.robot.warnings.append(self.root.problem(message, "warning"))

@@ -9,7 +9,7 @@ from .robot import WORLD
 
 
 class Edge(NamedTuple):
-    """A joint between two links; a `loose` one closes a loop if possible."""
+    """A joint between two links. If it is `loose`, it becomes part of the tree only where no other joint can."""
 
     name: str
     parent: str

@@ -116,7 +116,7 @@ def check_inertia(
     tolerated : collection of int
         Bodies whose impossible inertia is only a warning.
     is_whole : bool
-        Whether these are all bodies of a tree; otherwise the inertias of bodies on fixed joints are not checked.
+        Whether `bodies` are all bodies of a tree; otherwise the inertias of bodies on fixed joints are not checked.
     """
     if not bodies:
         return

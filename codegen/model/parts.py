@@ -133,7 +133,7 @@ class Part:
         return part
 
     def stands_for(self, name: str, tree: Tree) -> None:
-        """Replace a name by a tree from now on."""
+        """Replace a name by a tree in all expressions that are read from now on."""
         self.values[name] = tree
         self._renamed.clear()
 

@@ -274,7 +274,7 @@ def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
     if y == ZERO:
         return combine(CHOICE, condition, rest.times(x).tree(), ZERO)
     if condition[:2] == ("call", AT_LEAST) and rest.may_be_infinite:
-        # where both arguments are equal, an infinite slope of the other factors is kept, since the slope is one-sided
+        # at the switch itself, where both arguments are equal, the other factors are kept, since they may be infinite
         # there
         edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
         return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)

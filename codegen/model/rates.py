@@ -56,7 +56,10 @@ def rate(expression: Expression, name: str = "t", moving: frozenset[str] = froze
 
 @lru_cache(maxsize=4096)
 def derivative(of: Expression, by: frozenset[tuple[str, Expression]]) -> Expression:
-    """The derivative of an expression by rules alone; `by` has the derivatives of names, and other names are constant."""
+    """The derivative of an expression; `by` has the derivatives of some names, and the other names are constant.
+
+    It is made by the rules of differentiation alone, without the finite limits of `slopes`.
+    """
     kind = of.tree[0]
     if kind == "number":
         return ZERO

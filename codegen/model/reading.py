@@ -94,8 +94,8 @@ class Reader(Problems):
         self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Expressions, with their names bound, of validated entries that are equal for all values of a repeat index; see
         `placement.bound_expressions`."""
-        self._repaired: set[int] = set()  # ids of specs with placeholders
-        self._keep: list[Entry] = []  # keeps these specs alive: ids of deleted objects would be reused
+        self._repaired: set[int] = set()  # ids of entries in which placeholders replace wrong values
+        self._keep: list[Entry] = []  # these entries, kept since the ids of deleted objects would be reused
         self._checked: set[tuple[Expression, str]] = set()
         self._regular: set[Tree] = set()  # trees that `regular` does not change, which long models repeat
         self._values: dict[Expression, float | str] = {}
@@ -173,7 +173,7 @@ class Reader(Problems):
             return None
 
     def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
-        """The dimension that is required at a path."""
+        """The dimension that the value at a path must have; None if any is allowed."""
         section = str(at.section[0]) if at.section else at.key
         if section in ("initial", "motion"):
             part = str(at.section[1]) if section == "initial" else "q"
@@ -423,7 +423,7 @@ class Reader(Problems):
         return result
 
     def is_whole(self, spec: Entry | None) -> bool:
-        """Whether a structure exists and has no placeholders for errors."""
+        """Whether an entry exists and none of its values was wrong (a placeholder replaces a wrong value)."""
         return spec is not None and id(spec) not in self._repaired
 
     def parsed(self, at: Instance, sub: Path_, value: Any) -> Expression | None:

@@ -266,11 +266,11 @@ else:
 
 _KEYED: Final = [measure for measure in MEASURES.values() if measure.keys]
 ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not measure.keys)
-"""Outputs that an entry gives by their name alone."""
+"""Outputs whose entry in a model file is only their name, without keys."""
 
 
 def _keys_of_outputs() -> dict[str, Any]:
-    """All keys of outputs; a key that outputs share comes after the last output that has it."""
+    """The keys of all outputs. The order: each output, then the keys of which it is the last user."""
     keys: dict[str, Any] = {}
     for measure in _KEYED:
         for key, value in measure.keys.items():

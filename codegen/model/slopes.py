@@ -1,10 +1,10 @@
 """Values and derivatives of expressions that are finite where plain rules give 0/0 or 0 times infinity.
 
 A product is written as powers of bases, and powers of the same base are combined before anything is computed: the
-derivative of ``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. Two kinds of factors are bounded, or grow more slowly
-than any power: a logarithm, and a component of a vector divided by the vector's length. A product with such factors is
-zero if its other factors are zero (`VANISHING`). So ``x*log(x)``, ``k*d**n`` differentiated by n, and ``c*sqrt(v.v)*v``
-are exact with their derivatives where x, d or v is zero. Branches that are not taken do not contribute (`CHOICE`).
+derivative of ``x*x**n`` contains ``x**n``, not ``x*x**(n - 1)``. A component of a vector divided by the vector's length
+is bounded, and a logarithm grows more slowly than any power. A product with such a factor is therefore zero where its
+other factors are zero (`VANISHING`). So the values and derivatives of ``x*log(x)``, of ``k*d**n`` with respect to n, and
+of ``c*sqrt(v.v)*v`` are exact where x, d or v is zero. Branches that are not taken do not contribute (`CHOICE`).
 In all other cases, the result is infinite or nan where the derivative itself is.
 """
 
@@ -159,7 +159,7 @@ def _finished(term: Product, others: Product, by: Tree) -> Tree:
 
 
 def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -> Tree:
-    """The derivative of a power of a product, times other factors; the product is not split, as its factors may be negative.
+    """The derivative of a power of a product, times other factors. Since its factors may be negative, the power is not split.
 
     Where the varying factor is not zero, the derivative contains the power divided by this factor. Where another factor
     is zero, the derivative is zero. Otherwise the exponent is reduced by one.

@@ -250,9 +250,9 @@ class Switches:
     def hold(self, tree: Tree, moves: bool = False) -> Tree:
         """The tree in which functions with branches are replaced by held functions.
 
-        The second derivative of prescribed motion (`moves`) enters the equations. Steps and cubic tables, which are
-        smooth enough in a force, are therefore held in prescribed motion. The argument of a periodic table is held at
-        the seam, in forces and in prescribed motion.
+        In prescribed motion (`moves`), steps and cubic tables are held as well, since the equations contain its second
+        derivative; in a force they are smooth enough. The argument of a periodic table is held at the seam, in forces
+        and in prescribed motion.
         """
         if tree[0] in ("number", "name"):
             return tree

@@ -89,7 +89,7 @@ class LineLaw:
 
     Examples
     --------
-    >>> law = LineLaw("cube", "A pull by the cube of the distance.", {"strength": Coefficient("N/m^3", "the pull at 1 m")},
+    >>> law = LineLaw("cube", "Pull = strength distance^3.", {"strength": Coefficient("N/m^3", "the pull at 1 m")},
     ...               force="-strength*distance**3", energy="strength*distance**4/4")
     >>> law.formula
     Expression('-strength*distance**3')

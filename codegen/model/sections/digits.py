@@ -50,9 +50,9 @@ def seems_in_degrees(angle: Expression) -> bool:
 
 
 def cut_twelfths(value: float) -> int:
-    """Number of twelfths of pi that a rounded number stands for; 0 if none.
+    """The integer n for which a number is n pi/12 rounded to its decimals; 0 if there is none.
 
-    Numbers with two decimals count only near multiples of pi/2: 0.52 may be exact.
+    A number with two decimals is accepted only as a multiple of pi/2, since a number such as 0.52 may be meant exactly.
     """
     if not abs(value) <= (_MOST + 0.5) * _PART:
         return 0
