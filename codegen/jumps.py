@@ -183,7 +183,7 @@ def _finite(x: Array) -> Array:
 def evaluated(
     tree: Tree, known: Mapping[str, Pair], shape: tuple[int, ...], sided: bool = False
 ) -> tuple[Array, Array]:
-    """Values and rates; if `sided`, the first row uses the branches of the second."""
+    """Values and rates of a tree; if `sided`, both are (2, n), and the first row is computed with the branches of the second."""
     with np.errstate(all="ignore"):
         x, dx = _pair(tree, known, lambda c: np.broadcast_to(c, shape)[1] if sided else c)
     return np.broadcast_to(np.asarray(x, float), shape), np.broadcast_to(np.asarray(dx, float), shape)

@@ -98,7 +98,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="these times, such as 0,0.1,0.5; 0 and the end given by -t are added if missing",
     )
     parser.add_argument(
-        "--sensitivities", metavar="NAME,...", default="", help="parameters by which the motion is differentiated"
+        "--sensitivities",
+        metavar="NAME,...",
+        default="",
+        help="parameters with respect to which the motion is differentiated",
     )
     parser.add_argument(
         "-p",

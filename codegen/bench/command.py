@@ -200,7 +200,7 @@ def run(
             results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.1)
             keep(results)
         if any(r["kind"] == "family" for r in results["problems"].values()):
-            status("measuring what the core can do", len(problems), len(problems))
+            status("measuring the peak performance of the core", len(problems), len(problems))
             results["peaks"] = peaks(Path(folder))
         if peers:
             from .peers.comparing import compare_with_peers

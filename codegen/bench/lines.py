@@ -45,7 +45,8 @@ def motion_lines(result: dict[str, Any], width: int | None) -> list[str]:
     if "derivatives" in result:
         d = result["derivatives"]
         lines.append(
-            f"  derivatives by {', '.join(d['by'])} with {d['setting']}: relative error {d['error']:.1e}, {seconds(d['seconds'])}"
+            f"  derivatives with respect to {', '.join(d['by'])}, {d['setting']}: relative error {d['error']:.1e}, "
+            f"{seconds(d['seconds'])}"
         )
     if result["failed"] and "within" in result:
         lines.append(f"  failed: error above {result['within']:.0e} with {', '.join(result['failed'])}")

@@ -26,7 +26,7 @@ class Curvatures:
     Parameters
     ----------
     functionals : list of functional
-        The list of an objective, to which constraints may be added later.
+        The functionals of an objective; the list grows when a constraint is added to the objective.
     options : dict
         Options of `Solver.judge`.
 

@@ -85,7 +85,7 @@ class Profile:
     i : int
         The variable.
     unit : float
-        Sum of squares that counts as one: the variance of the residuals, or 1.
+        Increase of the sum of squares that counts as one: the variance of the residuals, or 1.
     """
 
     def __init__(self, problem: Any, x: Array, bounds: tuple[Array, Array], i: int, unit: float):

@@ -138,7 +138,7 @@ class Fit:
         sigma_given : bool
             Whether standard deviations were given.
         undetermined : float
-            Part of the largest singular value below which a direction is not determined.
+            Fraction of the largest singular value below which a direction is not determined.
         by_x : ndarray (n, n), optional
             Second derivatives of half the sum of squares with respect to x.
         **more

@@ -104,7 +104,7 @@ def fit(
         As in `scipy.optimize.least_squares`. A loss other than "linear" reduces the weight of outliers; the covariance
         then refers to the weighted samples.
     undetermined : float, optional
-        Directions with a singular value below this part of the largest are reported as not determined.
+        Directions with a singular value below this fraction of the largest are reported as not determined.
     most_motions : int, optional
         Largest number of evaluations of all motions.
     tolerance : float, optional

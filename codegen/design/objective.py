@@ -346,7 +346,7 @@ class Objective(OfVariables):
             value, weights = float(combined), np.asarray(derivatives, float)
             if weights.shape != (count,):
                 raise ValueError(
-                    f"combine gives derivatives of shape {weights.shape}, expected ({count},): by each functional"
+                    f"combine gives derivatives of shape {weights.shape}, expected ({count},): one for each functional"
                 )
             if math.isnan(value) or np.isnan(weights).any():
                 raise ValueError(f"combine gives {value} with the derivatives {weights} of {own}, expected numbers")

@@ -124,7 +124,7 @@ def optimize(
 
 
 def _check_newton(objective: Objective | LoadCases, method: str, constraints: Sequence[Any]) -> None:
-    """Refuses bounds and constraints, which these methods would ignore."""
+    """Refuse bounds and constraints, which SciPy's Newton methods would ignore."""
     v = objective.variables
     if constraints:
         raise ValueError(f"method {method!r} does not take constraints; use 'trust-constr' with hessian=True")

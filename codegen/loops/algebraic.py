@@ -23,7 +23,7 @@ class Coupled:
     Attributes
     ----------
     bodies : list of int
-        Bodies whose joints have these coordinates. The first is the one whose coordinate the file expresses by the others.
+        Bodies whose joints have these coordinates. The model file expresses the first one's coordinate by the others.
     speeds, coordinates : (n,) array
         Indices of the speeds in u and of the coordinates in q.
     factors : (n,) array

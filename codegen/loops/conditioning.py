@@ -5,8 +5,8 @@ need large speeds to follow speeds that another ear left independent. A choice t
 may also be poor at another. So the columns of all dependents are examined together, at configurations spread over the
 mechanism's range. Their condition number is divided by that of the columns which a pivoted Gram-Schmidt process takes
 at each configuration. The reach is the fraction of random displacements of the independents for which the loops close.
-A choice that loses more than a digit, or closes far less often than another, is replaced, preferably by one whose ears
-still close one after the other.
+A choice whose ratio of condition numbers exceeds 10, or that closes far less often than another, is replaced,
+preferably by one whose ears still close one after the other.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ SMALL = 1e-2
 """Ratio to the largest singular value below which the loops nearly permit a motion."""
 
 PART = 0.2
-"""Ratio to the largest component below which a joint is not named as part of a nearly permitted motion."""
+"""A warning names the joints of a nearly permitted motion whose component exceeds this fraction of the largest one."""
 
 
 def moved_far(model: Model, guess: Array, q: Array) -> Iterator[str]:

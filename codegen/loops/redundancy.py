@@ -53,14 +53,14 @@ LEAST_OFF = 1e-13
 """Angle between two axes, rad, that counts as a rounding error, so that the axes are parallel."""
 
 AS_GOOD = 0.7
-"""Fraction of the quality of a later set of conditions, or of the largest remainder of a row, from which an earlier
-one is as good."""
+"""An earlier set of conditions is preferred if its quality exceeds this fraction of a later one's; an earlier row, if
+its remainder is at least this fraction of the largest."""
 
 WORTH_TURNING = 0.6
 """Fraction of the quality along axes of ``to`` below which conditions along axes of ``from`` are replaced."""
 
 STEP = 2.0**-10
-"""Step of a parameter, relative to its magnitude; a smaller magnitude than this number counts as this number."""
+"""Step of a parameter, as a fraction of its magnitude or of this number, whichever is larger."""
 
 
 @dataclass(slots=True)

@@ -155,8 +155,8 @@ def _velocities(rod: Rod, axes: Sequence[int], R: list[Matrix], u: Vector) -> tu
 def _articulated(
     rod: Rod, axes: Sequence[int], R: list[Matrix], bias: list[Wrench], pushed: list[Wrench]
 ) -> list[tuple[Vector, Vector, Any, Any]]:
-    """Inward sweep: articulated inertias and forces; returns, for each joint, its column, 1/pivot, and minus the moment
-    along it."""
+    """Inward sweep: articulated inertias and forces. Returns for each joint the moment and force per unit acceleration about
+    its axis, the inverse of the inertia about its axis, and minus the moment along it."""
     L, J, H, M = rod.L, rod.J, rod.H, rod.M
     moment, force = pushed[-1]
     solved: list[Any] = [None] * len(axes)

@@ -210,7 +210,8 @@ class Engine(Arguments):
     def inverse_dynamics_hessian_products(
         self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any, **seeds: Any
     ) -> tuple[Array, ...]:
-        """Return the Hessian of a weighted sum of `inverse_dynamics` times seeds, by q, u, udot, p, inputs and t."""
+        """Return products of seeds with the Hessian of a weighted sum of `inverse_dynamics`: one for each of q, u, udot, p,
+        inputs and t."""
         self._trees_only("inverse_dynamics_hessian_products")
         names = ("dq", "du", "dudot", "dp", "dinputs", "dt")
 

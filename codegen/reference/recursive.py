@@ -14,9 +14,9 @@ Misprints of the paper, each corrected here where it occurs:
 - Eq. 12: one transposition too many; omega = sum of omega_r u_r, as in Eq. 13 for v.
 - Eqs. 24 and 27: the gyroscopic moment omega x I omega enters F with a minus. Euler's equation is
   moment = I alpha + omega x I omega, and F has to balance I A_bar.
-- Eq. 42: with this F the articulated equation of motion is P^T (I_hat A - F_hat) = 0; the printed plus contradicts Eq. 53, which
-is correct. - Eq. 45: forces acting in the joints are not in F; they contribute -S I_hat P M^-1 tau to the parent and enter Eq.
-53. (The result is the same if F contains the joint's force on k and its reaction on Pr[k].)
+- Eq. 42: with this F the articulated equation of motion is P^T (I_hat A - F_hat) = 0; the printed plus contradicts Eq. 53.
+- Eq. 45: forces acting in the joints are not in F; they contribute -S I_hat P M^-1 tau to the parent and enter Eq. 53. (The
+result is the same if F contains the joint's force on k and its reaction on Pr[k].)
 - Eq. 50: the left-hand side lacks its d/dp_j.
 - Eq. 51: the first P lacks its transposition.
 - Eq. 52: d(M^-1) = -M^-1 dM M^-1; the minus is missing.

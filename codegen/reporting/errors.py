@@ -260,7 +260,7 @@ def _seconds_of(engine: RecursiveEngine, state: State) -> float:
 
 
 def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) -> dict[str, float]:
-    """The largest error of any Jacobian column, and of any part of one gradient, by q, u, p, inputs and t."""
+    """The largest error of any column of the Jacobians, and of the gradient with respect to any of q, u, p, inputs and t."""
     exact = engine.jacobians(*at)
     given = solver.jacobians(*at)
     udot = _as_mpf(engine.accelerations(*at))

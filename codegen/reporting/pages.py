@@ -255,7 +255,7 @@ def _motions(data: dict[str, Any]) -> list[Section]:
         for p in points:
             errors = [number(p[key], 2) for key in ("error", "sensitivity_error")]
             rows.append([method, number(p["setting"], 2), *errors, str(p["evaluations"]), seconds(p["seconds"])])
-    by = f", with derivatives by {', '.join(data['sensitivities'])}" if data["sensitivities"] else ""
+    by = f", with derivatives with respect to {', '.join(data['sensitivities'])}" if data["sensitivities"] else ""
     text = [
         f"{data['end']:g} s of motion{by}. The reference for errors at the end is {data['reference']}, with an error of about "
         f"{number(data['reference_error'], 2)}; grey: errors below that of the reference."

@@ -401,7 +401,7 @@ class Polynomial:
 
 
 def exact(x: float) -> sympy.Expr:
-    """The number that an int or a float stands for: the decimal of the file, a fraction of small whole numbers, or one of pi.
+    """The exact number that an int or float stands for: a short decimal, a fraction of small integers, or such a fraction of pi.
 
     The result differs from the float by at most four units in the last place; a short decimal is converted exactly.
 

@@ -24,8 +24,8 @@ PRODUCTS = 60_000
 
 
 FIRST, GROWTH = 8, 5 / 3
-"""Largest number of bodies on a path for which equations with intermediate variables are computed; on longer paths, the number
-of terms grows with this power of the number of bodies."""
+"""`FIRST`: largest number of bodies on a path for which the terms of equations with intermediate variables are counted.
+`GROWTH`: on longer paths, their number grows with this power of the number of bodies."""
 
 
 def expected_terms(model: Model, parameters: Mapping[str, Any], intermediates: bool = False) -> float:

@@ -58,7 +58,7 @@ static status lacks(instance of, const char *what)
     return of ? unit_say((unit *)of, UNIT_ERROR, "%s: this FMU has no such capability", what) : UNIT_ERROR;
 }
 
-/* Functions that this FMU does not have, by their arguments. */
+/* Functions of the standard that this FMU lacks, each with its arguments. */
 #define LACKING(name, ...) \
     EXPORT status FMI(name)(instance of, __VA_ARGS__) { return lacks(of, TEXT_OF(NAME(name))); }
 #define LACKING_ALL(name) \

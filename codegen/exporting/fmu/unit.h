@@ -57,7 +57,7 @@ struct unit {
     scalar *way, *near;               /* arguments and coordinates between the last closed state and the current one */
     scalar *dq, *du, *dp, *di, *dt;   /* seeds or gradients */
     scalar *dqdot, *dudot, *doutputs, *dfull_q, *dfull_u, *dswitches;
-    scalar *gradient[5];              /* sums of gradients by q, u, p, inputs, t */
+    scalar *gradient[5];              /* sums of gradients with respect to q, u, p, inputs, t */
     scalar *atol, *points;            /* tolerances; control points of inputs during a step */
     scalar knots[6], rows[2];
     scalar *row;                      /* of results */
