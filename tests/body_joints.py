@@ -1,4 +1,4 @@
-"""Joints of bodies in trees and in loops: properties that every type must have, in generated code and in both engines."""
+"""Joints of bodies in trees and in loops: properties that joints of every type must have, in generated code and both engines."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ outputs:
 
 
 def with_joint(text: str, joint: str, count: int, **more: str) -> Model:
-    """`TREE` or `LOOP` with a joint of so many freedoms, the keys behind its type given, where one stands."""
+    """The model `TREE` or `LOOP` with a joint of `count` degrees of freedom; `joint` is the text of its type and further keys."""
     entry = f"{{type: {joint}, at: [0.1, 0.2*k, 0.3], rotate: [{{axis: [1, 2, 0], angle: 0.3*w}}]}}"
     force = ["k*pull - 0.3*u.b.wx", "sin(t)", "k"][:count] if "pull" in text else ["k*t", "sin(t)", "k"][:count]
     text = text.replace("FORCE", f"[{', '.join(force)}]" if count > 1 else force[0])
@@ -75,7 +75,7 @@ def with_joint(text: str, joint: str, count: int, **more: str) -> Model:
 
 
 def tree_errors(joint: str, count: int, folder: Path, target: str = "numpy") -> dict[str, float]:
-    """Errors of every function on the tree against the dense engine, and of the recursive engine."""
+    """Errors of every function of the tree's solver, and of the recursive engine, against the dense engine."""
     model = with_joint(TREE, joint, count)
     package = codegen.generate(model, folder, target=target, compile="all").folder
     found = compare(model, codegen.load(package, target), DenseEngine(model), np.random.default_rng(1))
@@ -85,7 +85,7 @@ def tree_errors(joint: str, count: int, folder: Path, target: str = "numpy") -> 
 def loop_errors(
     joint: str, count: int, folder: Path, *, independent: str, closing: str, base: str, target: str = "numpy"
 ) -> dict[str, float]:
-    """The same of the loop; independent are the coordinates of this joint's bodies that are named, the others dependent."""
+    """The same for the loop. Of the coordinates of this joint's bodies, those in `independent` are independent."""
     text = LOOP + f"independent: [{independent}]\n"
     model = with_joint(text, joint, count, CLOSING=closing, BASE=base)
     package = codegen.generate(model, folder, target=target, compile="all").folder
@@ -114,14 +114,14 @@ def dependents(joint: str, count: int, *, independent: str, closing: str, base: 
 
 
 def engine_errors(model: Model, state: tuple[Any, ...]) -> dict[str, float]:
-    """Largest difference between the engines."""
+    """The largest differences between the recursive and the dense engine."""
     seeds = random_seeds(np.random.default_rng(4), model, 2)
     (x, dx), (y, dy) = (e(model).sensitivities(*state, **seeds) for e in (RecursiveEngine, DenseEngine))
     return {"engines": max(worst([x], [y]), worst(dx, dy))}
 
 
 def power_error(solver: codegen.Solver, model: Model, state: tuple[Any, ...]) -> dict[str, float]:
-    """How far the rate of the energies is from the power of the joint forces: joints and loops do no work."""
+    """The difference of the rate of the energies and the power of the joint forces; constraints must do no work."""
     q, u, p, inputs, t = state
     rates, udot = solver.coordinate_rates(q, u, p), solver.accelerations(*state)
     _, (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, dq=[rates], du=[udot], dp=np.zeros((1, len(p))))
@@ -134,7 +134,7 @@ def power_error(solver: codegen.Solver, model: Model, state: tuple[Any, ...]) ->
 
 
 def accelerations_and_mujocos(joint: str, joints: str, q: Any, u: Any) -> tuple[Any, Any]:
-    """Of a link on a joint of the file and a hinged link on that, and of the same with MuJoCo's elementary joints."""
+    """Accelerations of a link on a joint with a hinged link on it, by ordernm and by MuJoCo with elementary joints."""
     mujoco = pytest.importorskip("mujoco")
     model = parse_model(f"""
 model: m

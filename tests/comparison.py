@@ -13,7 +13,7 @@ from codegen.model import Model
 
 
 def error(x: Any, reference: Any, floor: float = 1e-3) -> float:
-    """max |x - ref| / max |ref|; the floor is for results that are zero up to rounding."""
+    """max |x - ref| / max |ref|, or the absolute error divided by `floor` for results that are zero up to rounding."""
     x, reference = (np.asarray(v, dtype=float).ravel() for v in (x, reference))
     assert x.shape == reference.shape
     if not x.size:
@@ -59,7 +59,7 @@ def completion_errors(
 
 
 def closed_state(solver: codegen.Solver, seed: int, spread: float, t: float = 0.0) -> tuple[Any, ...]:
-    """A random state near the initial one, loops closed: arguments of `accelerations`."""
+    """A random state near the initial one with closed loops: the arguments of `accelerations`."""
     rng = np.random.default_rng(seed)
     q, u = solver.initial
     q, u = solver.assemble(q + spread * rng.normal(size=solver.nq), rng.normal(size=solver.nu), t=t)
@@ -67,7 +67,7 @@ def closed_state(solver: codegen.Solver, seed: int, spread: float, t: float = 0.
 
 
 def seeds_of(engine: Any, state: tuple[Any, ...], rng: np.random.Generator, k: int = 3) -> dict[str, Any]:
-    """k random seeds; none of the parameters where they would open redundant conditions."""
+    """k random seeds. Parameters that would open redundant conditions have the seed zero."""
     seeds = random_seeds(rng, engine.model, k)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -40,7 +40,7 @@ BEGUN = pytest.StashKey[float]()
 
 
 def pytest_configure(config):
-    """Where no compiled modules are to be kept beside their sources, pytest's cache keeps them.
+    """If Python may not keep compiled modules beside their sources, pytest's cache keeps them.
 
     Rewriting and compiling the modules of all tests takes longer than everything else that collects them. Other processes
     of this run and interpreters that tests start have the same folder.
@@ -58,7 +58,7 @@ def pytest_configure(config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """The garbage collector passes over what stays until the end: the collected tests and all that they have imported.
+    """The garbage collector ignores objects that live until the end: the collected tests and the modules that they import.
 
     It runs after 300 000 new objects, not 700: writing a solver makes few cycles, and took a twentieth longer.
     """
@@ -119,7 +119,7 @@ def whole_run(tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def python_compiled_once(whole_run):
-    """Interpreters that tests start share compiled modules, also where the environment says that none are to be kept."""
+    """Interpreters that tests start share compiled modules, even if the environment forbids keeping any."""
     with pytest.MonkeyPatch.context() as patch:
         if "PYTHONDONTWRITEBYTECODE" in os.environ:
             patch.delenv("PYTHONDONTWRITEBYTECODE")

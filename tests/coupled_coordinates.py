@@ -1,4 +1,4 @@
-"""Random couplings of coordinates for any model in a given state, which then meets them."""
+"""Random couplings of coordinates for any model, which its given state satisfies."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 def scalar_coordinates(model: Model) -> dict[str, tuple[int, int]]:
-    """Coordinates that may be coupled: body and place in its joint, by name."""
+    """The coordinates that may be coupled: by name, the body and the index in its joint."""
     return {
         name: (k, i)
         for k, b in enumerate(model.bodies)

@@ -21,7 +21,7 @@ GROUND = "ground"
 
 
 class Rods:
-    """A model under construction, as text."""
+    """The text of a model of rods, as it is built."""
 
     def __init__(self, name: str, spatial: bool = False, base: str = "") -> None:
         self.spatial = spatial
@@ -64,7 +64,7 @@ class Rods:
         )
 
     def text(self, hinted: bool = False) -> str:
-        """As a model file; hinted: with all rods independent but those meant to be dependent."""
+        """The text of the model file; if hinted, all rods are independent except the dependent ones."""
         more = self.more
         if hinted:
             more += f"independent: [{', '.join(n for n in self.q if n not in self.dependent)}]\n"
@@ -76,7 +76,7 @@ class Rods:
 
 
 def tip_on_own_link(n: int = 12, k: int = 3, spatial: bool = False, base: str = "", joint: str = "") -> Rods:
-    """A chain whose tip is held by its own k-th link."""
+    """A chain whose tip is held by its k-th link."""
     rods = Rods("tip_on_own_link", spatial, base)
     names = rods.chain("c", rods.root, n, 0.5)
     rods.loop("tip", names[-1], names[k - 1], to="[0.3, 0, 0.1*l]", joint=joint)
@@ -85,7 +85,7 @@ def tip_on_own_link(n: int = 12, k: int = 3, spatial: bool = False, base: str = 
 
 
 def tips_joined(n: int = 6, spatial: bool = False, base: str = "", joint: str = "") -> Rods:
-    """Two chains from one base with their tips joined: ground, or a moving base with six freedoms or none of its own."""
+    """Two chains on one base with joined tips; the base is the ground, or a moving body with six or no degrees of freedom."""
     rods = Rods("tips_joined", spatial, base)
     a = rods.chain("a", rods.root, n, 0.15)
     b = rods.chain("b", rods.root, n, -0.15, at="[1.5, 0.1, 0]" if spatial else "[1.5, 0, 0]")
@@ -105,7 +105,7 @@ def four_bar(name: str) -> Rods:
 
 
 def chain_on_four_bar(n: int = 7) -> Rods:
-    """A four-bar with a chain from its coupler to the ground: an ear that hangs on another ear's link."""
+    """A four-bar with a chain from its coupler to the ground: an ear that starts from a link of another ear."""
     rods = four_bar("chain_on_four_bar")
     names = rods.chain("c", "coupler", n, 0.35, at="[0.2, 0, 0.5*l]")
     rods.loop("tip", names[-1], GROUND, to="[1.5, 0, 1.3]")
@@ -113,7 +113,7 @@ def chain_on_four_bar(n: int = 7) -> Rods:
 
 
 def chains_on_four_bar(n: int = 5) -> Rods:
-    """A four-bar with two chains from its coupler, their tips joined: couplings that end with a link of another region."""
+    """A four-bar with two chains on its coupler whose tips are joined: couplings of a region that end at a link of another."""
     rods = four_bar("chains_on_four_bar")
     a = rods.chain("a", "coupler", n, 0.15, at="[0.1, 0, 0.2*l]")
     b = rods.chain("b", "coupler", n, -0.15, at="[0.2, 0, 0.9*l]")
@@ -122,7 +122,7 @@ def chains_on_four_bar(n: int = 5) -> Rods:
 
 
 def chain_on_slide(n: int = 8, axis: str = "[-1, 0, 0]") -> Rods:
-    """A slide, a chain from it guided along a line fixed on the ground, and from that another one to the ground."""
+    """A slide, a chain on it that is guided along a line on the ground, and a second chain from that chain to the ground."""
     rods = Rods("chain_on_slide", spatial=True)
     rods.bodies.append(
         f"  slide: {{parent: ground, joint: {{type: prismatic, axis: {axis}, at: [0.2*s, s, 2*s]}}, mass: 1.5*k,"
@@ -137,7 +137,7 @@ def chain_on_slide(n: int = 8, axis: str = "[-1, 0, 0]") -> Rods:
 
 
 def ring_with_sub_loop(n: int = 9, k: int = 3) -> Rods:
-    """A long loop that passes the links of a short one."""
+    """A long loop that contains the links of a short one."""
     rods = Rods("ring_with_sub_loop")
     names = rods.chain("c", GROUND, n, 0.55)
     rods.rod("d", names[k - 1], 0.6, at="[0.2, 0, 0]")
@@ -189,7 +189,7 @@ def platform(n: int = 5, third: str = "leg") -> Rods:
 
 
 def sprung(rods: Rods) -> Rods:
-    """With a spring from the middle of the first chain to the last rod."""
+    """The mechanism with a spring from the middle of the first chain to the last rod."""
     names = list(rods.q)
     rods.more += (
         f"forces:\n  band: {{type: spring, from: {{body: {names[len(names) // 2]}, at: [0, s, 0.1]}}, "
@@ -224,7 +224,7 @@ HINTED = ("rails", "platform", "platform_on_ground", "platform_on_short_legs")
 
 @cache
 def by_hand(name: str) -> Mechanism:
-    """One of the mechanisms above, assembled, off its initial configuration."""
+    """One of the mechanisms above, assembled at coordinates other than its initial ones."""
     return assembled(BY_HAND[name]().model(hinted=name in HINTED))
 
 

@@ -1,4 +1,4 @@
-"""Models with coupled coordinates: chains, branches, differentials, parts of joints, prescribed ones, five-bars."""
+"""Models with coupled coordinates: chains, branches, differentials, single coordinates of joints, prescribed ones, five-bars."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ bodies:
 
 
 def body(k: int, parent: str, joint: str) -> str:
-    """A body that is symmetric in nothing."""
+    """A body without any symmetry."""
     return (
         f"  b{k}: {{parent: {parent}, joint: {{{joint}, at: [L, 0.1, 0.2]}}, mass: m*1.{k}, com: [0.3*L, 0.1, -0.05], "
         f"inertia: {{xx: 0.2, yy: 0.25, zz: 0.3, xy: 0.01}}}}\n"

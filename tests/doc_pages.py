@@ -35,7 +35,7 @@ LONG = ("report", "bench")
 
 @dataclass
 class Followed:
-    """A page that was followed.
+    """A page whose code blocks were run.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Followed:
     after: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
     def piece(self, word: str) -> dict[str, Any]:
-        """What names meant after the only piece of Python that contains a word."""
+        """The values of all names after the only Python block that contains a word."""
         (found,) = [names for code, names in self.after if word in code]
         return found
 
@@ -64,7 +64,7 @@ def blocks(page: str, *languages: str) -> list[str]:
 
 
 def follow(page: str, place: Path) -> Followed:
-    """Runs all blocks of a page."""
+    """Run all code blocks of a page."""
     done = Followed(place)
     shutil.copytree(ROOT / "examples", place / "examples", ignore=shutil.ignore_patterns("figures", "gallery"))
     if page != "docs/tutorial.md":
@@ -83,7 +83,7 @@ def follow(page: str, place: Path) -> Followed:
 
 
 def run(language: str, text: str, page: str, done: Followed) -> str:
-    """Runs a block; returns what it prints."""
+    """Run a block; returns the text that it prints."""
     if language == "python":
         with contextlib.redirect_stdout(io.StringIO()) as out:
             exec(compile(text, page, "exec"), done.names)
@@ -101,7 +101,7 @@ def run(language: str, text: str, page: str, done: Followed) -> str:
 
 
 def write(text: str, place: Path) -> None:
-    """Writes a block that is a file."""
+    """Write a block that is a file."""
     first = text.partition("\n")[0]
     if named := re.match(r"(?:#|//|/\*|<!--) *([\w/.-]+\.\w+)\b", first):
         name = named[1]
@@ -118,7 +118,7 @@ def write(text: str, place: Path) -> None:
 
 
 def command(line: str, succeeds: bool) -> str:
-    """Runs a command of a page in this process; returns what it prints on both streams."""
+    """Run a command of a page in this process; returns the text that it prints on both streams."""
     words = shlex.split(line, comments=True)
     if not words or words[0] in INSTALLING:
         return ""

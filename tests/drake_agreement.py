@@ -1,4 +1,4 @@
-"""Accelerations of an imported SDF beside those of Drake's reading of the same file."""
+"""Accelerations of an imported SDF, compared with those of Drake for the same file."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def plant_of(file: str) -> Any:
-    """A continuous plant with all contents of a file; RuntimeError with Drake's message."""
+    """A continuous plant with the whole contents of a file; RuntimeError with Drake's message."""
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant
 
@@ -22,7 +22,7 @@ def plant_of(file: str) -> Any:
 
 
 def parts(plant: Any, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Joints and bodies of a model of the plant, by their names in the file, those of models within it with these."""
+    """Joints and bodies of a model of the plant, by their names in the file; names of nested models are prefixes."""
     from pydrake.multibody.tree import ModelInstanceIndex
 
     joints, bodies = {}, {}
@@ -40,7 +40,7 @@ def parts(plant: Any, name: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def accelerations(plant: Any, name: str, found: Any, engine: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ours and Drake's, in the order of our speeds, at a random state.
+    """Accelerations of ordernm and of Drake, in the order of ordernm's speeds, at a random state.
 
     Raises
     ------

@@ -17,14 +17,14 @@ State = tuple[Any, Any, Any, Any, float]
 
 
 def difference(x: Any, y: Any, scale: Any = 1.0) -> float:
-    """The largest difference, relative to the largest of y, of the scale and of one."""
+    """The largest difference divided by the largest of y, of the scale and of one."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     assert x.shape == y.shape
     return float(np.abs(x - y).max(initial=0) / max(1.0, np.abs(y).max(initial=0), np.max(np.abs(scale), initial=0)))
 
 
 def accelerations(found: Equations, numbers: dict[str, Any]) -> Any:
-    """udot from the matrices, as the form says."""
+    """udot from the matrices of the equations, according to their form."""
     if found.form == "tree":
         return np.linalg.solve(numbers["M"], numbers["forcing"])[:, 0]
     if found.form == "embedded":
@@ -35,7 +35,7 @@ def accelerations(found: Equations, numbers: dict[str, Any]) -> Any:
 
 
 class Agreement:
-    """The equations of a model beside its solver.
+    """Compares the equations of a model with its solver.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Agreement:
         self.tree = DenseEngine(replace(model, loops=(), independent=())) if found.form == "multipliers" else None
 
     def errors(self, state: State) -> dict[str, float]:
-        """Relative errors at a state that closes the loops, by what is compared.
+        """Relative errors, by compared quantity, at a state that closes the loops.
 
         The solver's accelerations have to satisfy the equations; mass matrices and outputs have to be equal.
         """
@@ -90,6 +90,6 @@ class Agreement:
 
 
 def largest(model: Model, solver: Any, found: Equations, states: Sequence[State]) -> tuple[float, str]:
-    """The largest error at some states, and of what."""
+    """The largest error at some states, and the quantity that has it."""
     agreement = Agreement(model, solver, found)
     return max((error, name) for state in states for name, error in agreement.errors(state).items())

@@ -1,4 +1,4 @@
-"""Exported units, and solvers of the same models, for `tests/exporting/fmu`."""
+"""Exported FMUs, and solvers of the same models, for `tests/exporting/fmu`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXAMPLES = HERE.parents[2] / "examples"
 
 
 def model_file(name: str, folder: Path = HERE) -> Path:
-    """The file of a model of a folder, of `tests/exporting/fmu`, or of an example."""
+    """The file of a model in `tests/exporting/fmu`, or of an example."""
     found = (place / f"{name}.yaml" for place in (folder, HERE, EXAMPLES))
     return next(file for file in found if file.exists())
 
@@ -44,7 +44,7 @@ class Unit:
         self.messages: list[tuple[int, str]] = []
 
     def instance(self, integrates: bool = False) -> Any:
-        """A new instance, before its initialisation; its messages are kept."""
+        """A new instance before its initialisation; its messages are recorded."""
         classes = {
             ("3.0", False): FMU3Model,
             ("3.0", True): FMU3Slave,

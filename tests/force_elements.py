@@ -70,14 +70,14 @@ outputs:
 
 
 def with_elements(text: str, elements: str) -> Model:
-    """`TREE` or `LOOP` with force elements."""
+    """The model `TREE` or `LOOP` with force elements."""
     return parse_model(
         text.replace("ELEMENTS", "\n".join(f"  {line.strip()}" for line in elements.strip().splitlines()))
     )
 
 
 def tree_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str, float]:
-    """Errors of every function of the tree with elements against the dense engine, and of the recursive engine."""
+    """Errors of every function of the tree's solver, and of the recursive engine, against the dense engine."""
     model = with_elements(TREE, elements)
     package = codegen.generate(model, folder, target="both", compile="all" if target == "c" else False).folder
     found = compare(model, codegen.load(package, target), DenseEngine(model), np.random.default_rng(1))
@@ -85,7 +85,7 @@ def tree_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str,
 
 
 def loop_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str, float]:
-    """The same of the loop, as far as functions are the same."""
+    """The same for the loop, with the functions that models with loops have."""
     model = with_elements(LOOP, elements)
     package = codegen.generate(model, folder, target="both", compile="all" if target == "c" else False).folder
     solver, engine, rng = codegen.load(package, target), DenseEngine(model), np.random.default_rng(3)
@@ -107,7 +107,7 @@ def loop_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str,
 
 
 def engine_errors(model: Model, state: tuple[Any, ...]) -> dict[str, float]:
-    """Largest difference between the engines."""
+    """The largest differences between the recursive and the dense engine."""
     seeds = random_seeds(np.random.default_rng(4), model, 2)
     (x, dx), (y, dy) = (e(model).sensitivities(*state, **seeds) for e in (RecursiveEngine, DenseEngine))
     return {"engines": max(worst([x], [y]), worst(dx, dy))}
@@ -158,7 +158,7 @@ ELEMENTS
 def accelerations_and_mujocos(
     elements: str, force: list[float], torque: list[float], at: list[float], in_body: bool
 ) -> tuple[Any, Any]:
-    """With elements, and what MuJoCo finds for a force and a torque at a place of the second link."""
+    """Accelerations with elements, and MuJoCo's accelerations with a force and torque at a point of the second link."""
     mujoco = pytest.importorskip("mujoco")
     rng = np.random.default_rng(2)
     q, u = rng.normal(size=5), rng.normal(size=4)
@@ -175,7 +175,7 @@ def accelerations_and_mujocos(
 
 
 def problems(elements: str) -> list[str]:
-    """What is wrong with elements on the tree."""
+    """The messages of the errors in force elements of the tree."""
     try:
         with_elements(TREE, elements)
     except ModelError as error:

@@ -1,4 +1,4 @@
-"""Small robots as texts."""
+"""Texts of small robots."""
 
 ARM = """\
 <robot name="Two Link-Arm">
@@ -76,5 +76,5 @@ def joint(
 
 
 def robot(*parts: str, name: str = "robot") -> str:
-    """A URDF of these parts, each in lines of its own."""
+    """A URDF with these elements, each on lines of its own."""
     return f'<robot name="{name}">\n{"".join(parts)}</robot>\n'

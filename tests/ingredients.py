@@ -1,4 +1,4 @@
-"""Small models with or without each feature of a model file; every two such choices occur together in one of them."""
+"""Small models with or without each feature of model files; every pair of choices occurs together in at least one of them."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ ANGLES = (0.5, 0.7, 0.4, 0.6)
 
 
 class Mixture(NamedTuple):
-    """The text of a model, what the model has, and the options that it is generated with."""
+    """The text of a model, its features, and the options of its generation."""
 
     name: str
     choice: dict[str, str]
@@ -117,12 +117,12 @@ class Mixture(NamedTuple):
     options: dict[str, object]
 
     def has(self, what: str) -> bool:
-        """Whether the model has something, by the name of its choice."""
+        """Whether the model has a feature, given by the name of its choice."""
         return self.choice.get(what, "none") not in ("none", "no")
 
 
 def mixtures(every: bool = False) -> list[Mixture]:
-    """Trees, then mechanisms with a loop: every entry occurs, and every two that are not alike do together.
+    """Trees, then mechanisms with a loop, in which every entry, and every pair of entries of different kinds, occurs.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def mixtures(every: bool = False) -> list[Mixture]:
 
 
 def covering(choices: Choices) -> list[dict[str, str]]:
-    """Few rows, with one entry for each choice, in which every two entries occur together."""
+    """A small number of rows, each with one entry for every choice, in which every pair of entries occurs together."""
     names = list(choices)
     missing = {
         tuple(zip(chosen, entries, strict=True)): None
@@ -165,7 +165,7 @@ def covering(choices: Choices) -> list[dict[str, str]]:
 
 
 def _gain(row: Mapping[str, str], name: str, entry: str, names: Sequence[str], missing: Container[object]) -> int:
-    """How many missing pairs an entry adds to a row that is not yet complete."""
+    """The number of missing pairs that an entry adds to an incomplete row."""
     at = names.index(name)
     pairs = (((n, row[n]), (name, entry)) for n in names[:at] if n in row)
     later = (((name, entry), (n, row[n])) for n in names[at + 1 :] if n in row)
@@ -173,7 +173,7 @@ def _gain(row: Mapping[str, str], name: str, entry: str, names: Sequence[str], m
 
 
 def _taking_turns(choices: Choices) -> list[dict[str, str]]:
-    """Rows in which all entries occur, and every two entries that are not alike occur together."""
+    """Rows in which all entries occur, and every pair of entries of different kinds."""
     groups = {n: ALIKE.get(n, tuple((e,) for e in entries)) for n, entries in choices.items()}
     rows = []
     for row in covering({n: [str(i) for i in range(len(g))] for n, g in groups.items()}):
@@ -193,7 +193,7 @@ def _turned(entries: Sequence[str], by: int) -> list[str]:
 
 
 def text(name: str, choice: Mapping[str, str]) -> str:
-    """The model file: a chain of links in the x-z plane, closed by a loop or not, and a tool on one of them."""
+    """The model file: a chain of links in the x-z plane, with or without a loop that closes it, and a tool on one link."""
     closed = "loop" in choice
     links = 4 if closed else {"kinds": 3, "unrolled": 1}[choice["layout"]]
     on_bodies = ON_BODIES if choice["forces"] == "on bodies" else ()

@@ -22,7 +22,7 @@ DIGITS = 50
 
 
 class Helical(JointType):
-    """A turn and a slide by one coordinate."""
+    """A rotation and a displacement that share one coordinate."""
 
     name = "helical"
     motion = (Turn(axis=0, index=0), Slide(axis=0, index=0, factor=0))
@@ -32,7 +32,7 @@ class Helical(JointType):
 
 
 class Polar(JointType):
-    """A slide off the axis of the turn before it, which carries it along."""
+    """A displacement away from the axis of the preceding rotation, which carries it along."""
 
     name = "polar"
     motion = (Turn(axis=0, index=0), Slide(axis=1, index=1), Turn(axis=1, index=2))
@@ -41,7 +41,7 @@ class Polar(JointType):
 
 
 class Corkscrew(JointType):
-    """One coordinate for a turn that a later turn changes, and for a slide that it does not."""
+    """A rotation that a later rotation turns, and a displacement that it does not turn, with one coordinate."""
 
     name = "corkscrew"
     motion = (Turn(axis=0, index=0), Slide(axis=1, index=0, factor=0), Turn(axis=1, index=1))
@@ -51,7 +51,7 @@ class Corkscrew(JointType):
 
 
 class Gimballed(JointType):
-    """A displacement that several turns follow."""
+    """A displacement that several rotations follow."""
 
     name = "gimballed"
     motion = (Displacement(coordinate=3, speed=3), Turn(0, 0), Turn(1, 1), Turn(0, 2))
@@ -60,7 +60,7 @@ class Gimballed(JointType):
 
 
 class Geared(JointType):
-    """A slide by a multiple of its coordinate, seen through a ball."""
+    """A displacement by a multiple of its coordinate, followed by a ball joint."""
 
     name = "geared"
     motion = (Slide(axis=0, index=0, factor=0), Ball(coordinate=1, speed=1))
@@ -78,7 +78,7 @@ every_type = pytest.mark.parametrize("kind", TYPES, ids=lambda kind: kind.name)
 
 @pytest.fixture(autouse=True)
 def known_types(monkeypatch):
-    """The types of the tests are types of joints."""
+    """Registers the joint types of the tests as types of joints."""
     for name, kind in OTHERS.items():
         monkeypatch.setitem(JOINTS, name, kind)
 
@@ -87,13 +87,13 @@ def known_types(monkeypatch):
 
 
 def given_axes(kind: type[JointType], rng: np.random.Generator) -> list[list[float]]:
-    """What a file may give: any direction, several ones perpendicular, none of unit length."""
+    """Axes as a model file may give them: in any direction, perpendicular if there are several, not of unit length."""
     columns = np.linalg.qr(rng.normal(size=(3, 3)))[0].T * rng.uniform(0.5, 2, (3, 1))
     return columns[: len(kind.axis_keys)].tolist()
 
 
 def joint(kind: type[JointType], rng: np.random.Generator, placed: bool = False) -> Joint:
-    """A joint of a type with axes and factors drawn; where it stands in its parent too, if `placed`."""
+    """A joint of a type with random axes and factors; with `placed`, also with a random pose in its parent."""
     axes = kind.axes_of_motion(tuple(vector(*a) for a in given_axes(kind, rng)), {})
     factors = tuple(expression(float(x)) for x in rng.uniform(0.3, 0.9, len(kind.factor_keys)))
     if not placed:
@@ -115,7 +115,7 @@ def one_body(kind: type[JointType], rng: np.random.Generator) -> Model:
 
 
 def coordinates(model: Model, rng: np.random.Generator) -> np.ndarray:
-    """Quaternions of unit length."""
+    """Random coordinates of a model; quaternions have unit length."""
     q = rng.uniform(-1.5, 1.5, model.nq)
     for _, place in model.quaternions:
         q[place] /= np.linalg.norm(q[place])
@@ -131,14 +131,14 @@ def skew(a: Any) -> mpmath.matrix:
 
 
 def product(a: list, b: list) -> list:
-    """Hamilton's product."""
+    """Hamilton's product of two quaternions."""
     v, w = mpmath.matrix(a[1:]), mpmath.matrix(b[1:])
     vector = a[0] * w + b[0] * v + skew(a[1:]) * w
     return [a[0] * b[0] - (v.T * w)[0], *vector]
 
 
 def numbers(joint: Joint) -> tuple[list, list]:
-    """Unit axes, and factors."""
+    """The unit axes and the factors of a joint, as numbers."""
     axes = [mpmath.matrix([e.evaluate({}, functions_for(mpmath)) for e in axis]) for axis in joint.axes]
     return [a / mpmath.norm(a) for a in axes], [mpmath.mpf(float(e.value)) for e in joint.factors]
 

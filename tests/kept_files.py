@@ -1,4 +1,4 @@
-"""Files that tests keep for later runs, and what the text of a solver depends on besides its model."""
+"""Files that tests keep for later runs, and the data on which the text of a solver depends besides its model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIBRARIES = ("jinja2", "mpmath", "numpy")
 
 
 class Generator:
-    """The files of the generator when a run begins, before they are imported."""
+    """The files of the generator at the beginning of a run, before they are imported."""
 
     def __init__(self) -> None:
         folders = (CHECKOUT / "codegen", CHECKOUT / "templates")
@@ -47,7 +47,7 @@ class Generator:
 
 
 def make_room(kept: Path, room: int = ROOM) -> None:
-    """Deletes the files that have not been used for longest, until the others fit."""
+    """Delete the least recently used files until the others fit into the limit."""
     files = []
     for file in kept.iterdir():
         with contextlib.suppress(FileNotFoundError):  # another process has just completed it
@@ -60,7 +60,7 @@ def make_room(kept: Path, room: int = ROOM) -> None:
 
 
 def used(file: Path) -> bool:
-    """Whether a file is kept; its time of change becomes that of its last use."""
+    """Whether a file is kept; its modification time becomes the time of its last use."""
     try:
         os.utime(file)
     except FileNotFoundError:
@@ -69,7 +69,7 @@ def used(file: Path) -> bool:
 
 
 def put(file: Path, content: bytes) -> None:
-    """Write a file such that other processes only ever see it complete."""
+    """Write a file so that other processes never see it incomplete."""
     part = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
     part.write_bytes(content)
     part.replace(file)

@@ -1,4 +1,4 @@
-"""Solvers of examples for the tests of JAX and PyTorch, with the functions that these differentiate."""
+"""Solvers of examples for the tests of JAX and PyTorch, with the functions that these libraries differentiate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the force of a law along a line is minus the derivative of its energy, by sympy."""
+"""Checks with sympy that the force of a law along a line is minus the derivative of its energy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TRIES = 100
 
 
 def check_energy(law: LineLaw) -> None:
-    """Whether the force at rest is minus the derivative of the energy by the distance, at some distances and coefficients.
+    """Check that the force at rest is minus the derivative of the energy with respect to the distance, at some values.
 
     The derivative is sympy's, of the formula as it stands; nothing of blocks is in it.
 

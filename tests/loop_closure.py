@@ -1,4 +1,4 @@
-"""Closure of loops on floats: residuals, matrices and closed coordinates, computed with parts of `codegen.loops`."""
+"""Numerical closure of loops with parts of `codegen.loops`: residuals, matrices and closed coordinates."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def closure_matrix(
     p: Sequence[float] | Array | None = None,
     length: float | None = None,
 ) -> tuple[tuple[int, ...], Array]:
-    """Contribution of the speeds of a loop's tree joints to its velocity residual."""
+    """The speeds of the joints on a loop's path, and the rate of the loop's scaled residual per unit of each."""
     geometry = Geometry(model, p)
     if length is not None:
         geometry.lengths[loop] = length
@@ -75,7 +75,7 @@ def closure_matrix(
 
 
 def body_twists(geometry: Geometry, q: Array, frames: Frames, u: Array) -> tuple[Array, Array]:
-    """Angular velocities and velocities of the origins of all bodies and the ground, ground frame.
+    """Angular velocities, and velocities of the origins, of all bodies and the ground; ground frame.
 
     Parameters
     ----------
@@ -146,6 +146,6 @@ def assemble(
 
 
 def independent_coordinates(model: Model, partition: Partition) -> tuple[int, ...]:
-    """Indices of the independent coordinates, ascending: of a split rotation or displacement all."""
+    """Indices of the independent coordinates, ascending; all coordinates of a split rotation or displacement count."""
     dependent, _ = coordinates_of(model, partition.dependent)
     return tuple(sorted({*range(model.nq)} - {*dependent}))

@@ -20,7 +20,7 @@ def made(model: codegen.Model | str, folder: Path, **options: Any) -> codegen.So
 def solvers(
     tmp_path_factory: pytest.TempPathFactory, functions: Sequence[str] | None = None
 ) -> Callable[..., codegen.Solver]:
-    """A function of a model and a target that gives its solver, of chosen functions if there are any."""
+    """A function that returns the solver of a model for a target, with selected functions if any are given."""
     known: dict[Any, tuple[codegen.Solver, Any]] = {}
 
     def make(model: Any, target: str = "numpy") -> codegen.Solver:

@@ -1,4 +1,4 @@
-"""Shared by tests of outputs: outputs drawn for random models, values by name, and derivatives along the motion."""
+"""Helpers for tests of outputs: outputs drawn for random models, values by name, and derivatives along the motion."""
 
 from __future__ import annotations
 
@@ -65,12 +65,12 @@ outputs:
 
 
 def outputs_of(text: str) -> str:
-    """Lines of the section, from lines that may be indented."""
+    """The lines of the section ``outputs``, from lines that may be indented."""
     return "".join(f"  {line.strip()}\n" for line in text.strip().splitlines())
 
 
 def problems(entry: str) -> list[str]:
-    """What is said of one output of the tree."""
+    """The messages about errors in one output of the tree."""
     try:
         parse_model(f"{TREE}  o: {entry}\n")
     except ModelError as error:
@@ -91,7 +91,7 @@ class Seen:
         self.rate = dict(zip(names, np.asarray(rates, float)[0], strict=True))
 
     def vector(self, name: str) -> Array:
-        """Of three outputs ``name_x`` and so on."""
+        """The vector of the three outputs ``name_x``, ``name_y`` and ``name_z``."""
         return np.array([self.value[f"{name}_{i}"] for i in "xyz"])
 
     def rates(self, name: str) -> Array:
@@ -102,7 +102,7 @@ class Seen:
 
 
 def draws() -> Iterator[Draw]:
-    """The functions ``draw`` of the tests of measures, which stand in files of their own."""
+    """The functions ``draw`` of the tests of the measures, one in each test file."""
     for file in sorted((Path(__file__).parent / "outputs").glob("test_*.py")):
         spec = importlib.util.spec_from_file_location(f"drawing_{file.stem}", file)
         assert spec is not None and spec.loader is not None
@@ -113,7 +113,7 @@ def draws() -> Iterator[Draw]:
 
 
 def with_outputs(rng: np.random.Generator, model: Model) -> Model:
-    """A model with outputs of every measure that has a ``draw``, beside its own."""
+    """The model with its own outputs, and outputs of every measure that has a ``draw``."""
     drawn = [o for draw in draws() for o in draw(rng, model)]
     named = tuple(replace(o, name=f"{o.name}_{i}") for i, o in enumerate(drawn))
     return replace(model, outputs=(*model.outputs, *named))
@@ -124,7 +124,7 @@ def some_body(rng: np.random.Generator, model: Model) -> int:
 
 
 def some_axis(rng: np.random.Generator, model: Model) -> Vector:
-    """A coordinate axis, or one of numbers and a parameter."""
+    """A coordinate axis, or an axis whose components are numbers and a parameter."""
     if rng.random() < 0.3:
         return (vector(1, 0, 0), vector(0, 0, -1))[int(rng.integers(2))]
     names = [p.name for p in model.parameters]
@@ -133,7 +133,7 @@ def some_axis(rng: np.random.Generator, model: Model) -> Vector:
 
 
 def some_point(rng: np.random.Generator, model: Model, body: int | None = None) -> Point:
-    """On a body, the ground at times."""
+    """A random point of a body, or sometimes of the ground."""
     if body is None:
         body = GROUND if rng.random() < 0.1 else some_body(rng, model)
     x, y, z = (round(float(e), 3) for e in rng.uniform(-0.5, 0.5, 3))

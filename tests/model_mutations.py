@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Model files with mistakes: a seed names one, and `judge` says what became of it.
+"""Model files with mistakes: a seed selects a damaged text, and `judge` returns the outcome of loading it.
 
 Where `random_models` makes good models, this makes damaged ones. Every text starts as one of the examples, one of those
 of docs/model_format.md or one of the texts here (together they use every key of the format), and suffers up to four
@@ -220,7 +220,7 @@ def _base(text: str) -> Base:
 
 
 def mutated(seed: int) -> str:
-    """The damaged text that a seed names."""
+    """The damaged text of a seed."""
     rng = random.Random(seed)
     base = rng.choice(bases())
     text = _structural(rng, base) if rng.random() < 0.6 else base.text
@@ -230,7 +230,7 @@ def mutated(seed: int) -> str:
 
 
 def _structural(rng: random.Random, base: Base) -> str:
-    """One or two exchanges of whole keys and values, found in the base's tree."""
+    """Exchange whole keys and values, once or twice, in the tree of the base text."""
     edits: list[tuple[int, int, str]] = []
 
     def edit(start: int, end: int, new: str) -> None:
@@ -293,7 +293,7 @@ def _number(rng: random.Random, text: str) -> str:
 
 
 def _exchange(rng: random.Random, text: str) -> str:
-    """Two tokens of one kind, or of any."""
+    """Exchange two tokens of one kind, or of any kinds."""
     spans = _tokens(text, *rng.choice((("number",), ("name",), ("other",), ())))
     if len(spans) < 2:
         return text
@@ -307,7 +307,7 @@ def _drop(rng: random.Random, text: str) -> str:
 
 
 def _rename(rng: random.Random, text: str) -> str:
-    """One name, or all that are alike, misspelt or replaced."""
+    """Misspell or replace a name, once or everywhere."""
     spans = _tokens(text, "name")
     if not spans:
         return text
@@ -326,7 +326,7 @@ def _range(rng: random.Random, text: str) -> str:
 
 
 def _indent(rng: random.Random, text: str) -> str:
-    """A line, or all from one on to another, shifted."""
+    """Shift a line, or all lines from one to another."""
     lines = text.split("\n")
     first = rng.randrange(len(lines))
     last = first + rng.choice((1, 1, 1, 3, 10))
@@ -340,7 +340,7 @@ def _indent(rng: random.Random, text: str) -> str:
 
 
 def _lines(rng: random.Random, text: str) -> str:
-    """A line dropped, said twice, or exchanged with another."""
+    """Delete or repeat a line, or exchange it with another."""
     lines = text.split("\n")
     i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
     kind = rng.randrange(3)
@@ -364,7 +364,7 @@ def _cut(rng: random.Random, text: str) -> str:
 
 
 def _wrap(rng: random.Random, text: str) -> str:
-    """A name or a number of an expression in another expression."""
+    """Put a name or a number of an expression into another expression."""
     spans = _tokens(text, "number", "name")
     if not spans:
         return text
@@ -412,7 +412,7 @@ class TooLong(BaseException):
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """Raise `TooLong` in the main thread after so many seconds of the processor: other processes do not count."""
+    """Raise `TooLong` in the main thread after a number of CPU seconds of this process."""
 
     def stop(*_: Any) -> None:
         raise TooLong
@@ -458,7 +458,7 @@ def judge(text: str, limit: float = 10.0) -> Verdict:
 
 
 def nonsense(model: Model) -> str:
-    """The first violation of what every checked model satisfies, in words, or nothing."""
+    """A description of the first property of checked models that this model lacks; empty if it has all."""
     defaults = {p.name: p.value for p in model.parameters}
     for p in model.parameters:
         if not all(math.isfinite(x) for x in (p.value, *(y for y in (p.min, p.max) if y is not None))):

@@ -11,13 +11,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def built(name, folder, *functions):
-    """The solver of an example, with these functions only: what is left out need not be compiled."""
+    """The solver of an example with the given functions only, since other functions need not be compiled."""
     codegen.generate(EXAMPLES / f"{name}.yaml", folder / name, functions=functions)
     return codegen.load(folder / name)
 
 
 def at(solver, **values):
-    """The coordinates or speeds of a solver, zero but for those named; `_` in a name may stand for `.`."""
+    """All coordinates or speeds of a solver, zero except for the named ones; `_` in a name may replace `.`."""
     names = [n.replace(".", "_") for n in solver.coordinate_names]
     found = np.zeros(solver.nq)
     for name, value in values.items():
@@ -26,7 +26,7 @@ def at(solver, **values):
 
 
 def named(solver, values):
-    """Outputs by their names."""
+    """The values of outputs by name."""
     return dict(zip(solver.output_names, values, strict=True))
 
 
@@ -44,7 +44,7 @@ def motion(solver, q, u, times, p=None, inputs=None, tolerance=1e-11):
 
 
 def meeting(a, b, ra, rb, side):
-    """Where circles about a and b meet, to the left of the way from a to b for side = 1."""
+    """The intersection of the circles about a and b, on the left of the line from a to b if side is 1."""
     d = np.linalg.norm(b - a)
     along = (d * d + ra * ra - rb * rb) / (2 * d)
     ex = (b - a) / d

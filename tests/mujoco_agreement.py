@@ -1,4 +1,4 @@
-"""States of MuJoCo in the coordinates of an imported model, and accelerations in the opposite direction."""
+"""States of MuJoCo in the coordinates of an imported model, and accelerations of the model in MuJoCo's coordinates."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from codegen.reference import RecursiveEngine
 
 
 def of_mujoco(model: Any, data: Any, found: Any, solver: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Our state, and the matrix T that makes MuJoCo's speeds ours, u = T v.
+    """The state in the model's coordinates, and the matrix T that converts MuJoCo's speeds v: u = T v.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def ours_of(model: Any, data: Any, T: np.ndarray, qacc: np.ndarray) -> np.ndarra
 
 
 def apart(path: Any, found: Any, seeds: int = 3) -> float:
-    """Relative difference between accelerations of the tree and those of MuJoCo; nothing is compiled."""
+    """Relative difference of the tree's accelerations and MuJoCo's, computed without compilation."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))

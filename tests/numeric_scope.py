@@ -1,4 +1,4 @@
-"""Runs the code that writes blocks on plain numbers, so that results can be compared with NumPy."""
+"""Runs on plain numbers the code that writes blocks, so that results can be compared with NumPy."""
 
 from __future__ import annotations
 
@@ -48,5 +48,5 @@ class Numbers(Scope):
         self.store(store, field, value)
 
     def stored(self, store: Any) -> Iterator[tuple[str, Any]]:
-        """Components of a store and their values."""
+        """The components of a store, with their values."""
         return ((name, value) for (label, name), value in self.memory.items() if label == store.label)

@@ -1,4 +1,4 @@
-"""Shares generated and compiled files among the processes of a run and with later runs; the same input gives the same bytes."""
+"""Shares generated and compiled files among the processes of a run and with later runs; equal inputs give equal bytes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SMALL = 20_000
 
 @contextmanager
 def compiled_once(kept: Path) -> Iterator[None]:
-    """Libraries, and the compiled part of calls, are copied from a folder where sources, flags and compiler are alike.
+    """Libraries, and the compiled part of calls, are copied from a folder if sources, flags and compiler are the same.
 
     With -O0, clang compiles large sources if it is there and ``CC`` names no compiler: it takes two thirds of gcc's time.
     It compiles a library as one unit: reading the sources again for a second unit takes as long as compiling the first.
@@ -109,7 +109,7 @@ def written_once(kept: Path, generator: Generator, anew: Callable[[], bool]) -> 
 
 @contextmanager
 def chosen_once(kept: Path, generator: Generator, anew: Callable[[], bool]) -> Iterator[None]:
-    """Dependents of a mechanism are chosen once for the generator and all engines, unless `anew()`."""
+    """The dependents of a mechanism are chosen once for the generator and all engines, unless `anew()`."""
     module = importlib.import_module("codegen.loops.partition")
     choose_anew = module._found
     known: dict[str, Partition] = {}
@@ -163,12 +163,12 @@ def noticing_patches(replacing: set[int]) -> Iterator[None]:
 
 
 def part(value: Any) -> Any:
-    """A value as far as a solver depends on it: of a model not where its lines stand, nor what has been computed from it."""
+    """The part of a value on which a solver depends; for a model, without line numbers and computed data."""
     return [getattr(value, f.name) for f in fields(value) if f.compare] if isinstance(value, Model) else value
 
 
 def digest(value: Any) -> str:
-    """Equal for values that are equal, whatever objects they share."""
+    """Equal for equal values, even if they share objects differently."""
     written = io.BytesIO()
     pickler = pickle.Pickler(written)
     pickler.fast = True
@@ -177,7 +177,7 @@ def digest(value: Any) -> str:
 
 
 def without_statements(source: Source) -> Source:
-    """What `codegen.generate` needs of a source."""
+    """The parts of a source that `codegen.generate` needs."""
     system, program = source.system, source.program
     given: dict[str, Any] = {f.name: getattr(source, f.name) for f in fields(source)} | {
         "system": SimpleNamespace(

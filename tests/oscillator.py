@@ -30,13 +30,13 @@ FREE = {"stiffness": 0.0, "mass": 1.0, "start": 0.0}
 
 
 def oscillator(folder):
-    """Its solver."""
+    """The solver of the oscillator."""
     codegen.generate(codegen.parse_model(MODEL), folder / "oscillator")
     return codegen.load(folder / "oscillator")
 
 
 def swing(t, mass=2.0, stiffness=8.0, start=0.5):
-    """The block over time, and its derivatives by mass, stiffness, start."""
+    """The position of the block over time, and its derivatives with respect to mass, stiffness and start."""
     w = np.sqrt(stiffness / mass)
     x = start * np.cos(w * t)
     by_w = -start * np.sin(w * t) * t

@@ -1,4 +1,4 @@
-"""Memory that is full of NaN before a call: what a function reads and has not written is seen in its results."""
+"""Memory filled with NaN before a call, so that NaN in the results shows reads of memory that was not written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 def filled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Let NumPy fill new memory with NaN; returns the sizes of the arrays that it fills."""
+    """Fill new memory of NumPy with NaN; returns the sizes of the filled arrays."""
     sizes = []
 
     def full(shape: Any, dtype: Any = float, *given: Any, **named: Any) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Difference between an imported robot and Pinocchio's own reading of the same file."""
+"""Differences between an imported robot and Pinocchio's model of the same file."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from codegen.measure.pinocchio_models import State
 
 
 def states(theirs: Any, imported: codegen.Imported, solver: Any, seed: int) -> State:
-    """A random state; coordinates are matched by the names of joints, the base is the only free joint without one."""
+    """A random state in both programs. Coordinates are matched by joint names; the free joint without a name is the base."""
     import pinocchio as pin
 
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Mechanisms with distances and with points on surfaces and curves, as texts."""
+"""Texts of mechanisms with distances and with points on surfaces and curves."""
 
 INERTIA = "inertia: {xx: 0.1, yy: 0.2, zz: 0.13, xy: 0.01}"
 PLANAR = f"""

@@ -47,7 +47,7 @@ DRIVEN = "motion: {crank: 0.3 + a*sin(w*t)}"
 
 
 def bars(frame: str = "ground", load: bool = False, motion: str = DRIVEN, crank: str = "-0.3*u.crank") -> Model:
-    """A four-bar whose crank is driven, on the ground or on a ``cart``, with or without a pendulum on its coupler."""
+    """A four-bar with a driven crank, on the ground or on a ``cart``, with or without a pendulum on its coupler."""
     base = "  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 3, inertia: {yy: 0.2}}"
     text = (
         BARS.replace("BASE\n", f"{base}\n" if frame == "cart" else "").replace("FRAME", frame).replace("MOTION", motion)
@@ -57,7 +57,7 @@ def bars(frame: str = "ground", load: bool = False, motion: str = DRIVEN, crank:
 
 
 def with_prescribed(rng: np.random.Generator, model: Model, share: float = 0.4) -> Model:
-    """The model with each coordinate that is not part of a quaternion prescribed with this probability, at least one of them."""
+    """The model with each coordinate outside quaternions prescribed with a given probability, at least one of them."""
     names = [
         n for b in model.bodies if not b.joint.kind.quaternions for n in joint_coordinates(b.name, b.joint.type)[0]
     ]
@@ -68,7 +68,7 @@ def with_prescribed(rng: np.random.Generator, model: Model, share: float = 0.4) 
 
 
 def with_prescribed_at(rng: np.random.Generator, drawn: Any, share: float = 0.5) -> Any:
-    """A mechanism of `random_mechanisms` with some of its independent coordinates prescribed, in the state that was drawn."""
+    """A mechanism of `random_mechanisms` with some independent coordinates prescribed, in its drawn state."""
     model = drawn.model
     at = dict(zip(model.parameter_names, drawn.p, strict=True)) | {"t": drawn.t}
     at |= dict(zip(model.inputs, drawn.inputs, strict=True))
@@ -104,7 +104,7 @@ def function(rng: np.random.Generator, model: Model) -> str:
 
 
 def prescribed(model: Model, motion: dict[str, Expression]) -> Model:
-    """A model as a file would have made it with this motion, and outputs for all driving forces."""
+    """The model that a file with this motion gives, with outputs for all driving forces."""
     moving = frozenset(model.inputs)
     by = {f"q.{n}": e.tree for n, e in motion.items()}
     by |= {f"u.{n}": rate(e, moving=moving).tree for n, e in motion.items()}
@@ -139,7 +139,7 @@ def prescribed(model: Model, motion: dict[str, Expression]) -> Model:
 
 
 def driven_crank(turn: str, speed: float, *, inputs: str = "", bodies: str = "", forces: str = "") -> str:
-    """A slider-crank whose crank turns as an expression of its parameter `w` says, perhaps with more entries."""
+    """A slider-crank whose crank follows an expression that may contain the parameter `w`; `more` has further entries."""
     return f"""
 model: driven_crank
 parameters: {{r: 0.05, rod: 0.17, w: {speed}}}

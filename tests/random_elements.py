@@ -1,4 +1,4 @@
-"""Random force elements on the bodies of any model: one or two of every type, one of every law along a line."""
+"""Random force elements on the bodies of any model: one or two of each type, one of each law along a line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TYPES = (Spring, Force, Torque, Torsion, Bushing, *ALONG_LINES.values())
 
 
 def with_random_elements(rng: np.random.Generator, model: Model, laws: Collection[str] = tuple(ALONG_LINES)) -> Model:
-    """The model with more force elements on its bodies; along lines by these laws only."""
+    """The model with additional force elements on its bodies; along lines, with the given laws only."""
     draw = _Draw(rng, model)
     makers = (draw.spring, draw.force, draw.torque, draw.torsion)
     more = [make(f"element{i}_{n}") for i, make in enumerate(makers) for n in range(int(rng.integers(1, 3)))]
@@ -36,7 +36,7 @@ class _Draw:
         self.seen = tuple(self.point(f"seen{i}", GROUND) for i in range(3))
 
     def number(self, low: float, high: float) -> str:
-        """An expression between about these."""
+        """An expression whose value is about between the given numbers."""
         x = round(float(self.rng.uniform(low, high)), 3)
         names = [p.name for p in self.model.parameters]
         forms = [
@@ -57,12 +57,12 @@ class _Draw:
         return Point(name, self.body(least), self.vector())
 
     def points(self) -> tuple[Point, Point]:
-        """Of different bodies, or of a body and the ground."""
+        """Points of different bodies, or of a body and the ground."""
         first, second = (int(x) for x in self.rng.choice(np.arange(GROUND, len(self.model.bodies)), 2, replace=False))
         return Point("", first, self.vector()), Point("", second, self.vector())
 
     def moving(self) -> str:
-        """An expression of everything that may stand in a force."""
+        """An expression of all quantities that forces may contain."""
         rng = self.rng
         seen = str(
             rng.choice([f"{what}.{p.name}.{c}" for what in ("position", "velocity") for p in self.seen for c in "xyz"])
@@ -109,7 +109,7 @@ class _Draw:
         return Torsion(name, faces[0], faces[1], axis, *numbers)
 
     def bushing(self, name: str) -> ForceElement:
-        """Of soft springs; a third of its rows are left out."""
+        """A bushing of soft springs; a third of its rows are left out."""
         faces = []
         for point in self.points():
             angle = str(self.rng.choice(["0.4", *(f"0.4*{p.name}" for p in self.model.parameters)]))
@@ -122,7 +122,7 @@ class _Draw:
         return Bushing(name, faces[0], faces[1], tuple(values))
 
     def along_line(self, name: str, kind: type[AlongLine]) -> AlongLine:
-        """Coefficients of ordinary size, which move where the law has no energy."""
+        """Coefficients of ordinary size; for a law without energy they depend on the motion."""
         values = []
         for c in kind.law.coefficients.values():
             if c.default is not None and self.rng.random() < 0.3:

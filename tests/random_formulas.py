@@ -1,4 +1,4 @@
-"""Random formulas of the grammar of model files, with every function that it has."""
+"""Random formulas in the grammar of model files, with all its functions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _BOUNDED = ("asin", "acos", "atanh")
 
 
 def random_formula(rng: np.random.Generator, depth: int = 4) -> str:
-    """A text whose functions mostly get arguments of their domains."""
+    """The text of a formula whose functions mostly have arguments in their domains."""
     if depth == 0 or rng.random() < 0.12:
         return str(rng.choice([*NAMES, "pi", "2", "0.75", "1/3", "5"]))
     one, other = (random_formula(rng, depth - 1) for _ in range(2))

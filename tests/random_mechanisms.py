@@ -64,7 +64,7 @@ class Mechanism(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Discarded:
-    """A draw without a mechanism."""
+    """A draw that gave no mechanism, with the reason."""
 
     reason: str
 
@@ -105,7 +105,7 @@ def random_mechanism(
 
 
 def random_mechanisms(count: int, first: int = 0, **options: Any) -> Iterator[tuple[int, Mechanism]]:
-    """Seed and mechanism, ``count`` times; seeds that were discarded are skipped."""
+    """Yields `count` pairs of a seed and its mechanism; seeds without a mechanism are skipped."""
     seed = first
     while count:
         drawn = random_mechanism(np.random.default_rng(seed), **options)
@@ -116,7 +116,7 @@ def random_mechanisms(count: int, first: int = 0, **options: Any) -> Iterator[tu
 
 
 class PartitionMissing(ValueError):
-    """No set of speeds is a well-conditioned set of dependent speeds."""
+    """Raised if no set of dependent speeds is well conditioned."""
 
 
 class _Smooth(_Maker):
@@ -171,7 +171,7 @@ class _Scene:
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def _with_loop(self, model: Model, poses: Poses, name: str) -> Model | None:
-        """The model with one loop more, or None if forty draws give none, or no joint asked for belongs to the scene."""
+        """The model with one more loop; None if forty draws give none, or if the scene has none of the requested joints."""
         before = poses.jacobian(model.loops)
         types = [j for j in self.loop_joints if j in self.ranks]
         for _ in range(40 if types else 0):
@@ -188,11 +188,11 @@ class _Scene:
         return None
 
     def standing(self, body: int) -> int:
-        """The body itself, or the one that carries loops in its place."""
+        """The body itself, or another body that carries loops in its place."""
         return body
 
     def loop(self, poses: Poses, name: str, type: str, start: int, end: int) -> Loop:
-        """A loop joint between two bodies, its end face put where it closes."""
+        """A loop joint between two bodies, with the end face at the pose at which the loop is closed."""
         axes, rotation, at, between, shift = self.joint(type)
         pairs, s, e = poses.pairs, poses.frames[start], poses.frames[end]
         R_s = s.R.value @ placement(pairs, rotation).value
@@ -235,12 +235,12 @@ class _Scene:
 
 
 class _Spatial(_Scene):
-    """Any tree, any loop joints; the conditions of all loops are independent."""
+    """A tree with any joints and any loop joints; the conditions of all loops are independent."""
 
     ranks: ClassVar[dict[str, int]] = {type: sum(rows) for type, rows in CLOSURE_ROWS.items()}
 
     def tree(self, n: int) -> Model:
-        """At least as many bodies; with fewer than five freedoms hardly any loop leaves one."""
+        """A tree of at least n bodies; with fewer than five degrees of freedom, loops would hardly leave any."""
         return next(tree for tree in map(self.maker.tree, range(n, n + 20)) if tree.nu > 4)
 
     def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
@@ -269,7 +269,7 @@ class _Spatial(_Scene):
 
 
 class _Planar(_Scene):
-    """Everything in a plane: x and y of a base that stands anywhere in space. Offsets along z cancel exactly."""
+    """A planar mechanism: joints move along x and y of a base in any pose in space. Offsets along z cancel exactly."""
 
     ranks: ClassVar[dict[str, int]] = {
         "fixed": 3,
@@ -354,7 +354,7 @@ class _Planar(_Scene):
 
 
 class _Spherical(_Scene):
-    """Revolute and universal joints whose axes all pass through the origin of a base that stands anywhere."""
+    """Revolute and universal joints whose axes all pass through the origin of a base in any pose."""
 
     ranks: ClassVar[dict[str, int]] = {"fixed": 3, "revolute": 2, "universal": 1, "cylindrical": 2}
 
@@ -393,7 +393,7 @@ class _Spherical(_Scene):
 
 
 class Poses:
-    """Where the bodies of a tree are at coordinates and parameters, loops aside."""
+    """Poses of the bodies of a tree at given coordinates and parameters, without its loops."""
 
     def __init__(self, model: Model, q: Array, p: Array) -> None:
         self.defaults = model.defaults
@@ -405,7 +405,7 @@ class Poses:
         self.frames, self.freedoms = engine._motion(state)
 
     def jacobian(self, loops: tuple[Loop, ...], lengths: tuple[float, ...] | None = None) -> Array:
-        """Derivatives of the conditions of loops by all speeds, linear ones divided by the lengths, (m, nu)."""
+        """Derivatives (m, nu) of the loop conditions with respect to all speeds; linear ones are divided by the lengths."""
         if not loops:
             return np.zeros((0, len(self.u.value)))
         lengths = lengths or (1.0,) * len(loops)
@@ -414,7 +414,7 @@ class Poses:
 
 
 def loop_bodies(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
-    """Bodies whose joints lie between two bodies: on the start's side and on the end's, outermost first."""
+    """Bodies whose joints lie between two bodies: on the start's side and on the end's side, outermost first."""
     sides = []
     for k in (start, end):
         branch = []
@@ -433,7 +433,7 @@ def loop_speeds(model: Model, start: int, end: int) -> list[int]:
 
 
 def random_partition(rng: np.random.Generator, model: Model, q: Array, p: Array) -> Partition:
-    """A well-conditioned partition, not the best: ears in random order, with dependents drawn among the acceptable ones."""
+    """A well-conditioned partition, but not the best one: random order of ears, and random dependents among acceptable ones."""
     J, n = Poses(model, q, p).jacobian(model.loops), len(model.loops)
     orders = [[(int(i),) for i in rng.permutation(n)] for _ in range(6)] + [[tuple(range(n))]]
     for waiting in orders:
@@ -503,7 +503,7 @@ def assemble(engine: DenseEngine, q: Any, p: Any, steps: int = 60) -> Any:
 
 
 def condition(partition: Partition, model: Model, q: Array, p: Array) -> float:
-    """Of the closure matrix of all dependents at a state."""
+    """The condition number of the closure matrix of all dependent speeds at a state."""
     lengths = {i: ear.length for ear in partition.ears for i in ear.loops}
     J = Poses(model, q, p).jacobian(model.loops, tuple(lengths[i] for i in range(len(model.loops))))
     dependent = sorted(i for ear in partition.ears for i in ear.dependent)
@@ -511,7 +511,7 @@ def condition(partition: Partition, model: Model, q: Array, p: Array) -> float:
 
 
 def _pick(rng: np.random.Generator, model: Model, J: Array, available: list[int], wanted: int) -> list[int] | None:
-    """As many speeds as wanted whose columns of J are independent: single ones, or all those of a joint if that serves."""
+    """`wanted` speeds with independent columns in J: single speeds, or if necessary all speeds of a joint; None without any."""
     if not wanted:
         return []
     units = [u for u in _units(model) if set(u) <= set(available)]
@@ -538,7 +538,7 @@ def _pick_of(rng: np.random.Generator, units: list[tuple[int, ...]], J: Array, w
 
 
 def _units(model: Model) -> list[tuple[int, ...]]:
-    """Speeds that are dependent together."""
+    """Groups of speeds that are dependent together."""
     units: list[tuple[int, ...]] = []
     for body, (_, u) in zip(model.bodies, model.coordinate_slices, strict=True):
         speeds = tuple(range(u.start, u.stop))
@@ -554,7 +554,7 @@ def _rank(A: Array) -> int:
 
 
 def _closed_speeds(J: Array, u: Array) -> Array:
-    """The part of the speeds u that closes the loops, none above 1."""
+    """The part of the speeds u that satisfies the loop conditions J u = 0, scaled so that no speed exceeds 1."""
     V = np.linalg.svd(J)[2][: _rank(J)]
     u = u - V.T @ (V @ u)
     u = u - V.T @ (V @ u)

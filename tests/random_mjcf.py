@@ -1,4 +1,4 @@
-"""Random files of MJCF: bodies in trees with every type of joint, tendons, actuators, classes and copies."""
+"""Random MJCF files: bodies in trees with every joint type, tendons, actuators, classes and copies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 
 
 class RandomMjcf:
-    """A random robot of MJCF.
+    """A random robot in MJCF.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ class RandomMjcf:
         self.sites: list[str] = []
 
     def text(self) -> str:
-        """The file."""
+        """The text of the file."""
         rng = self.rng
         bodies = "".join(self.body(2, is_root=True) for _ in range(rng.randint(1, 2)))
         flags = [f for f in ("spring", "damper", "gravity", "actuation") if rng.random() < 0.08]

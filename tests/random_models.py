@@ -93,7 +93,7 @@ def random_seeds(rng: np.random.Generator, model: Model, k: int) -> dict[str, Ar
 
 
 def relative_error(x: Array, reference: Array, floor: float = 1e-3) -> float:
-    """The largest over the directions of max_i abs(x_i - ref_i) / max_i abs(ref_i).
+    """The largest relative error of any direction, max_i abs(x_i - ref_i) / max_i abs(ref_i).
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def relative_error(x: Array, reference: Array, floor: float = 1e-3) -> float:
 
 
 def expression(text: object) -> Expression:
-    """The expression a model file would have made of this text or number."""
+    """The expression that a model file with this text or number would contain."""
     return bind(parse(f"{text!r}" if isinstance(text, float) else str(text)), {})
 
 
@@ -170,7 +170,7 @@ class _Maker:
         return str(self.rng.choice(self.joints))
 
     def _massless(self, types: list[str], parents: list[int]) -> set[int]:
-        """Bodies without mass that still leave M regular: in the middle, with a heavy child that does not undo them."""
+        """Massless bodies with which M is still regular: bodies in the middle of the tree with a heavy child."""
         massless: set[int] = set()
         for k, type in enumerate(types):
             children = [c for c, parent in enumerate(parents) if parent == k]
@@ -243,7 +243,7 @@ class _Maker:
         return self.parameters[int(self.rng.integers(len(self.parameters)))].name
 
     def _factor(self) -> str:
-        """A positive smooth factor of order one in the parameters, or nothing."""
+        """The text of a positive smooth factor of order one that depends on parameters, or an empty text."""
         if not self.parameters or self.rng.random() < 0.4:
             return ""
         a, b = self._parameter(), self._parameter()

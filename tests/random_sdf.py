@@ -1,4 +1,4 @@
-"""Random files of SDF: models within models, frames, poses in every way that they are written, includes."""
+"""Random SDF files: nested models, frames, poses in every notation, includes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RandomSdf:
         self.names = 0
 
     def write(self) -> Path:
-        """Write the file, and those that it includes."""
+        """Write the file, and the files that it includes."""
         rng = self.rng
         body, _ = self.model("robot", depth=2)
         if rng.random() < 0.6:
@@ -58,7 +58,7 @@ class RandomSdf:
         return " ".join(f"{self.rng.uniform(-size, size):.3f}" for _ in range(3))
 
     def pose(self, relative: list[str]) -> str:
-        """A <pose>, relative to one of some frames, or to none."""
+        """A <pose>, relative to one of some frames or without a frame."""
         rng, attributes = self.rng, ""
         if relative and rng.random() < 0.6:
             attributes = f' relative_to="{rng.choice(relative)}"'
@@ -88,7 +88,7 @@ class RandomSdf:
     # ---- models ----------------------------------------------------------------------------------------------------
 
     def model(self, name: str, depth: int) -> tuple[tuple[str, str], list[str]]:
-        """Attributes and what is in a model, and its links by the names that they have in it."""
+        """The attributes and contents of a model, and its links with their names in the model."""
         rng = self.rng
         frames, links, parts = ["__model__"], [], []
         for _ in range(rng.randint(2, 3)):
@@ -116,7 +116,7 @@ class RandomSdf:
         return (attributes, "\n".join(parts)), links
 
     def part_of(self, links: list[str], frames: list[str]) -> list[str]:
-        """What may be the parent of a joint: links, and frames that are attached to them."""
+        """Possible parents of a joint: links, and frames that are attached to them."""
         return [*links, *(f for f in frames if f.rpartition("::")[2].startswith("f"))]
 
     def nested(self, name: str, depth: int, frames: list[str], merged: bool) -> tuple[str, str, list[str], list[str]]:

@@ -1,4 +1,4 @@
-"""Random URDF robots in the spellings of people and of tools: numbers, orders, names, absent elements, fixed links."""
+"""Random URDF robots in the notations of people and programs: numbers, orders, names, missing elements, fixed links."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class RandomUrdf:
         return bool(self.rng.random() < share)
 
     def number(self, value: float) -> str:
-        """A number as Python, C, CAD systems or people write it."""
+        """A number in the notation of Python, C, CAD programs or people."""
         text = (f"{value:.6g}", f"{value!r}", f"{value:.12e}", f"{value:+.8f}", f"{value:.5E}")[self.rng.integers(5)]
         return text[1:] if text.startswith("0.") and self.chance(0.2) else text
 
     def numbers(self, *values: float) -> str:
-        """Numbers between blanks; urdfdom takes no tabs or ends of lines."""
+        """Numbers separated by blanks, since urdfdom accepts no tabs and line ends."""
         text = ("  " if self.chance(0.2) else " ").join(self.number(float(value)) for value in values)
         return f" {text} " if self.chance(0.1) else text
 
@@ -59,7 +59,7 @@ class RandomUrdf:
         return f"<origin {' '.join(parts)}/>"
 
     def inertial(self) -> str:
-        """Mass and inertia of six equal points."""
+        """Mass and inertia of six equal point masses."""
         rng, mass = self.rng, float(self.rng.uniform(0.1, 5.0))
         points = rng.normal(0, rng.uniform(0.05, 0.5), (6, 3))
         points -= points.mean(axis=0)
@@ -89,7 +89,7 @@ class RandomUrdf:
         return spelled[int(self.rng.choice(7, p=(0.5, 0.2, 0.1, 0.05, 0.05, 0.05, 0.05)))]
 
     def axis(self) -> str:
-        """Absent, along a coordinate axis, or of any direction and length."""
+        """An axis: absent, along a coordinate axis, or of any direction and length."""
         if self.chance(0.15):
             return ""
         if self.chance(0.5):

@@ -14,7 +14,7 @@ from codegen.model.model import Joint, Model
 
 
 def with_rotors(rng: np.random.Generator, model: Model, share: float = 0.7) -> Model:
-    """The model with rotors at each of its joints that may have some with this probability, at one of them at least.
+    """The model with random rotors in its joints, each with a given probability, at least one.
 
     Some depend on parameters, some are numbers; of a joint of several freedoms some have none.
     """
@@ -32,7 +32,7 @@ def with_rotors(rng: np.random.Generator, model: Model, share: float = 0.7) -> M
 
 
 def with_rotors_at(rng: np.random.Generator, drawn: Any, share: float = 0.7) -> Any:
-    """A mechanism of `random_mechanisms` with rotors, in the state that was drawn."""
+    """A mechanism of `random_mechanisms` with rotors, in its drawn state."""
     return drawn._replace(model=with_rotors(rng, drawn.model, share))
 
 
@@ -45,7 +45,7 @@ def _armature(rng: np.random.Generator, model: Model, joint: Joint) -> tuple[Exp
 
 
 def _inertia(rng: np.random.Generator, model: Model) -> Expression:
-    """From a thousandth of what bodies have to ten times that."""
+    """A random inertia, from a thousandth of a body's to ten times it."""
     a = float(10 ** rng.uniform(-3, 0.5))
     if not model.parameters or rng.random() < 0.3:
         return expression(a)

@@ -1,4 +1,4 @@
-"""Estimates of rounding errors compared with the errors, in 40 digits: random trees and mechanisms, and difficult states."""
+"""Estimated and actual rounding errors, in 40 digits, of random trees and mechanisms and of difficult states."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CLOSED = 5e-16
 
 
 class Judged(NamedTuple):
-    """The error of a result relative to its largest entry, estimated and actual."""
+    """The estimated and the actual error of a result, relative to its largest entry."""
 
     case: str
     what: str
@@ -46,7 +46,7 @@ class Judged(NamedTuple):
 
 
 def judged(case: str, solver: codegen.Solver, model: Model, state: Any, seeds: dict[str, Any]) -> list[Judged]:
-    """Of udot and of each direction; empty where a result is beyond floating-point numbers, or not real."""
+    """Errors of udot and of the derivative along each direction; empty if a result is not a finite real number."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = solver.diagnose(*state, **seeds)
@@ -83,7 +83,7 @@ def of_trees(seed: int, folder: Path, target: str = "c") -> Iterator[Judged]:
 
 
 def of_mechanisms(seed: int, folder: Path, target: str = "c") -> Iterator[Judged]:
-    """A random mechanism where it was drawn, and two states near the limit of its reach, where rank is lost."""
+    """A random mechanism in its drawn state, and two states near the limit of its reach, where the loops lose rank."""
     rng = np.random.default_rng(seed)
     drawn = random_mechanism(rng, bodies=(3, 6), loops=(1, 2))
     if isinstance(drawn, Discarded):
@@ -101,7 +101,7 @@ def of_mechanisms(seed: int, folder: Path, target: str = "c") -> Iterator[Judged
 
 
 def consistent(model: Model, state: Any, seeds: dict[str, Any]) -> dict[str, Any]:
-    """Seeds, none of the parameters where they would open redundant conditions."""
+    """The seeds, with zeros for parameters that would open redundant conditions."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         RecursiveEngine(model).sensitivities(*state, **seeds)
@@ -175,7 +175,7 @@ MASSES = {
 
 
 def of_chains(seed: int, folder: Path, target: str = "c") -> Iterator[Judged]:
-    """A chain of extreme masses, straight, coiled, folded, and at random."""
+    """Chains with extreme masses: straight, coiled, folded, and in a random state."""
     rng, masses = np.random.default_rng(seed), list(MASSES)[seed % len(MASSES)]
     n = int(rng.integers(4, 25))
     model = chain(n, MASSES[masses](n, rng), planar=bool(seed % 3), seed=seed)

@@ -1,4 +1,4 @@
-"""Hessian products along every direction, and what tests compare them with."""
+"""Hessian products along every direction, and references for their tests."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ Values = dict[Any, float]
 
 
 def body(name: str, mass: Any, *moments: Any) -> RigidBody:
-    """A rigid body with its principal moments about its own axes."""
+    """A rigid body with principal moments about its own axes."""
     axes, center = ReferenceFrame(f"{name}_axes"), Point(f"{name}_center")
     return RigidBody(name, center, axes, mass, (inertia(axes, *(moments or (0, 0, 0))), center))
 
@@ -56,7 +56,7 @@ def cart_and_pendulum() -> tuple[System, Values]:
 
 
 def chaos_pendulum() -> tuple[System, Values]:
-    """A rod on a hinge whose end carries a plate that turns about the rod."""
+    """A rod on a hinge that carries a plate, which rotates about the rod."""
     ma, mb, la, lb, h, w, g = s.symbols("m_A m_B l_A l_B h w g")
     theta, phi, omega, alpha = dynamicsymbols("theta phi omega alpha")
     ceiling = RigidBody("ceiling")
@@ -72,7 +72,7 @@ def chaos_pendulum() -> tuple[System, Values]:
 
 
 def pendulum_of(n: int) -> tuple[System, Values]:
-    """n point masses on rods without mass, the first of them on a cart that is pushed."""
+    """A cart with an applied force that carries n point masses on massless rods."""
     g, push = s.Symbol("g"), dynamicsymbols("F")
     masses, lengths = s.symbols(f"m:{n + 1}"), s.symbols(f"l:{n}")
     rail, cart = RigidBody("rail"), body("cart", masses[0])
@@ -90,7 +90,7 @@ def pendulum_of(n: int) -> tuple[System, Values]:
 
 
 def several_freedoms() -> tuple[System, Values]:
-    """A block between spring and damper, with a rod, a bob welded to it, a spring and a damper in the hinge, and a force."""
+    """A block between spring and damper, with a rod, a bob welded to it, spring and damper in the hinge, and a force."""
     m, l, k, c, g, w = s.symbols("m l k c g w")
     force, torque = dynamicsymbols("f T")
     x, theta, v, omega = dynamicsymbols("x theta v omega")
@@ -163,13 +163,13 @@ class Theirs:
         self.equations = s.lambdify(arguments, [system.mass_matrix, system.forcing], cse=True)
 
     def accelerations(self, values: Mapping[Any, float]) -> np.ndarray:
-        """Of the speeds in sympy's order."""
+        """Accelerations of the model, in the order of sympy's speeds."""
         mass, forcing = self.equations(*(values[x] for x in (*self.q, *self.u, *self.free)))
         return np.linalg.solve(np.array(mass, dtype=float), np.array(forcing, dtype=float)).ravel()
 
 
 def errors(system: Any, values: Values, folder: Path, states: int = 3, spread: float = 0.3) -> list[float]:
-    """Relative differences of the accelerations at random states, loops closed."""
+    """Relative differences of the accelerations at random states with closed loops."""
     found = codegen.from_sympy(system, values)
     codegen.generate(found.model, folder / "package", target="numpy")
     solver, theirs = codegen.load(folder / "package"), Theirs(system, found.symbols)

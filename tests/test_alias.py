@@ -1,4 +1,4 @@
-"""``import ordernm`` is ``import codegen``: the same module objects, pickles and commands, for type checkers too."""
+"""``import ordernm`` is ``import codegen``: the same module objects, pickles and commands, also for type checkers."""
 
 import importlib
 import pickle

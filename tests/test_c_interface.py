@@ -1,4 +1,4 @@
-"""What a package says to a C programmer: its program compiles as it stands and computes what Python computes."""
+"""The part of a package for C programmers: its program compiles unchanged and gives the results of Python."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""The command line: what it prints, and its exit codes 0 ok, 1 model, 2 usage, 3 compiling, 4 numbers."""
+"""The command line: its output, and its exit codes 0 ok, 1 model, 2 usage, 3 compilation, 4 numerical failure."""
 
 import os
 import re

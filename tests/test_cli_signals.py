@@ -1,4 +1,4 @@
-"""``ordernm simulate --inputs FILE``: signals over time from tables and archives, and messages for files that are none."""
+"""``ordernm simulate --inputs FILE``: signals over time from tables and archives, and errors for other files."""
 
 from __future__ import annotations
 

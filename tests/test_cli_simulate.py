@@ -1,4 +1,4 @@
-"""``ordernm simulate``: arguments, table, files, pictures, Ctrl-C, exit codes; a stand-in of SciPy's does the steps."""
+"""``ordernm simulate``: arguments, table, files, pictures, Ctrl-C, exit codes; a substitute solver integrates with SciPy."""
 
 import argparse
 import contextlib

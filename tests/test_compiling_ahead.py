@@ -1,4 +1,4 @@
-"""The first library is compiled from a copy while the rest of the package is printed; nothing of that is left or lost."""
+"""The first library is compiled from a copy while the rest of the package is printed, without leftovers."""
 
 import os
 import stat

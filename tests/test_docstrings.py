@@ -1,4 +1,4 @@
-"""Docstrings of public functions: each has its sections (numpydoc), and its example prints what it shows."""
+"""Docstrings of public functions: each has its numpydoc sections, and its example prints what it shows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of a package: replaced in one step, put right after a kill at any moment, left to the living."""
+"""The folder of a package: replaced in one step, restored after a kill at any moment, unchanged while in use."""
 
 import fcntl
 import json

@@ -1,4 +1,4 @@
-"""generate: what it writes, what it refuses, and that a package is written as a whole or not at all."""
+"""`generate`: the files that it writes, the errors, and that a package is written completely or not at all."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Tests keep files for later runs: as long as the generator is the same, and only as many as there is room for."""
+"""Files that tests keep for later runs: only for the same generator, and only up to a total size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layers of the package: every module imports lower layers only. Also checks of style that need no reviewer."""
+"""The layers of the package: every module imports only lower layers. Also automatic checks of style."""
 
 import ast
 import re

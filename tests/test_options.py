@@ -1,4 +1,4 @@
-"""Every option of every command does something, or is refused with a sentence: none is silently ignored."""
+"""Every option of every command has an effect, or is refused with a message: none is silently ignored."""
 
 import argparse
 import contextlib

@@ -1,4 +1,4 @@
-"""The wheel: what is in it, that it generates outside the checkout, and that what it generates stands alone."""
+"""The wheel: its contents, generation outside the checkout, and generated packages that need nothing else."""
 
 import importlib.util
 import json

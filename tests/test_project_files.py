@@ -1,4 +1,4 @@
-"""Files around the code agree with it: version, citation, changelog, workflows, hooks."""
+"""Files of the project agree with the code: version, citation, changelog, workflows, hooks."""
 
 import re
 import tomllib

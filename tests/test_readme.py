@@ -1,4 +1,4 @@
-"""README.md and docs/api.md: their code runs, what they quote is printed, and they name the members that there are."""
+"""README.md and docs/api.md: their code runs, quoted output is printed, and the named members exist."""
 
 import inspect
 import re

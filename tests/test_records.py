@@ -1,4 +1,4 @@
-"""`codegen.records.dataclass` makes what the standard one makes."""
+"""`codegen.records.dataclass` makes the same classes as the standard decorator."""
 
 import copy
 import dataclasses

@@ -1,4 +1,4 @@
-"""Terminals and pipes: colour, lines that end between words, one line of progress, and what Ctrl-C does."""
+"""Output on terminals and pipes: colour, line breaks between words, one progress line, and Ctrl-C."""
 
 import contextlib
 import dataclasses

@@ -1,4 +1,4 @@
-"""The list of long tests names functions that there are, and every folder of tests has quick ones."""
+"""The list of long tests names existing functions, and every folder of tests has quick tests."""
 
 from __future__ import annotations
 

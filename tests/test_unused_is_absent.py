@@ -1,4 +1,4 @@
-"""What a model does not use leaves nothing in its package: no word in the code, no argument, no file.
+"""Features that a model does not use leave nothing in its package: no word in the code, no argument, no file.
 
 For each thing that a model may have: words that it leaves in a package, none of which is in that of the same model without.
 """

@@ -1,4 +1,4 @@
-"""Files of other people: no command replaces or deletes one without ``--force``, and every command replaces its own."""
+"""Files of other people: no command replaces or deletes one without ``--force``; every command replaces its own files."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Parts of messages: nouns with their numbers, and hints for misspelt names, wherever a name is given."""
+"""Parts of messages: nouns with their numbers, and hints for misspelt names wherever names are given."""
 
 import subprocess
 import sys

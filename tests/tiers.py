@@ -35,7 +35,7 @@ ALWAYS = (
 
 
 def long_functions() -> set[str]:
-    """Names of functions, as pytest has them without the case."""
+    """Names of long test functions, as pytest lists them without the case."""
     return set(LIST.read_text(encoding="utf-8").split())
 
 
@@ -51,7 +51,7 @@ def campaign_cases() -> set[str]:
 
 
 def mark_campaign(items: Iterable[pytest.Item]) -> None:
-    """Gives the cases and functions of the list the marker ``campaign``."""
+    """Give the listed cases and functions the marker ``campaign``."""
     listed = campaign_cases()
     for item in items:
         if not listed.isdisjoint((item.nodeid, function_of(item.nodeid))):
@@ -59,7 +59,7 @@ def mark_campaign(items: Iterable[pytest.Item]) -> None:
 
 
 def mark_quick(items: Iterable[pytest.Item]) -> None:
-    """Gives quick tests the marker ``quick``."""
+    """Give quick tests the marker ``quick``."""
     long = long_functions()
     items = [i for i in items if isinstance(i, pytest.Function) and i.get_closest_marker("campaign") is None]
     waited_for = {f for item in items if function_of(item.nodeid) in long for f in _fixtures_of_file(item)}
@@ -70,7 +70,7 @@ def mark_quick(items: Iterable[pytest.Item]) -> None:
 
 
 def sort_by_length(items: list[pytest.Item]) -> None:
-    """Begins with the files that have most long functions, so that no process is left alone with a long file."""
+    """Put files with most long functions first, so that no process is left alone with a long file."""
     long = Counter(function.partition("::")[0] for function in long_functions())
 
     def place(item: pytest.Item) -> tuple[int, str]:
@@ -81,14 +81,14 @@ def sort_by_length(items: list[pytest.Item]) -> None:
 
 
 def _fixtures_of_file(item: pytest.Function) -> set[tuple[str, str]]:
-    """File and name of the fixtures that a test shares with others of its file."""
+    """File and name of the fixtures that a test shares with other tests of its file."""
     file = item.nodeid.partition("::")[0]
     definitions = item._fixtureinfo.name2fixturedefs
     return {(file, n) for n, known in definitions.items() if known[-1].scope != "function" and known[-1].baseid == file}
 
 
 def cpu_seconds() -> float:
-    """Of this process and those that it has waited for."""
+    """CPU seconds of this process and of its ended child processes."""
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + ended.ru_utime + ended.ru_stime
 

@@ -1,4 +1,4 @@
-"""``ordernm bench`` on the command line: tables, JSON, comparison, page, exit codes; and the functions behind them."""
+"""``ordernm bench`` on the command line: tables, JSON, comparison, page, exit codes; and the functions that it calls."""
 
 import copy
 import json

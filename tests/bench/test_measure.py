@@ -1,4 +1,4 @@
-"""What all measuring stands on: turns and rounds, contestants in C against the generic engine, and the scripts in benchmarks/."""
+"""The tools of all measurements: turns and rounds, C contestants against the generic engine, and the scripts in benchmarks/."""
 
 import importlib.util
 import sys

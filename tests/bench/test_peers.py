@@ -1,4 +1,4 @@
-"""Other programs beside ours: each solves the same problem; who is not installed is said and skipped."""
+"""Other programs in the benchmark: each solves the same problem; programs that are not installed are listed and skipped."""
 
 import numpy as np
 import pytest

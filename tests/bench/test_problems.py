@@ -1,4 +1,4 @@
-"""Every problem of `ordernm bench` at its cheap setting, by the code that measures it; all settings as a campaign."""
+"""Every problem of `ordernm bench` at its cheap setting, with the code that measures it; all settings in the campaign."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Robots beside Pinocchio: everything is computed by both and agrees; who cannot be read is said."""
+"""Robots in ordernm and Pinocchio: all results agree, and robots whose files cannot be read are listed."""
 
 import json
 

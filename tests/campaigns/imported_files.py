@@ -59,7 +59,7 @@ def files_of(package: str) -> list[Path] | None:
 
 
 def kind_of(path: Path) -> str:
-    """The format of a file by its root."""
+    """The format of a file, from its root element."""
     text = path.read_bytes()[:200_000].decode("utf-8", "replace")
     for tag, kind in (
         ("<robot", "URDF"),
@@ -77,7 +77,7 @@ def kind_of(path: Path) -> str:
 
 
 def _outside_comments(text: str) -> str:
-    """What stands in a text outside of comments and declarations."""
+    """A text without its comments and declarations."""
     import re
 
     return re.sub(r"<!--.*?-->|<\?.*?\?>|\s", "", text, flags=re.DOTALL)
@@ -94,7 +94,7 @@ def side_of(found: Any) -> tuple[Any, Any]:
 
 
 def apart(ours: np.ndarray, right: np.ndarray) -> float:
-    """The largest difference by the largest entry; accelerations of free fall count as one."""
+    """The largest difference divided by the largest entry; accelerations of free fall count as one."""
     if not np.all(np.isfinite(right)):
         raise LookupError("the peer's accelerations are not finite")
     return float(np.abs(ours - right).max() / max(np.abs(right).max(), 1.0))
@@ -150,7 +150,7 @@ def against_drake(path: Path, found: Any, states: int, name: str) -> float:
 
 
 def imported(path: Path, kind: str, **more: Any) -> Any:
-    """The import of a file; bases of URDF are fixed, or free where nothing moves else."""
+    """The import of a file; the base of a URDF is fixed, or free if nothing else moves."""
     options: dict[str, Any] = {"free_mimic": True, "package_paths": [folder_of(path)], **more}
     try:
         return codegen.import_model(path, **options)
@@ -161,14 +161,14 @@ def imported(path: Path, kind: str, **more: Any) -> Any:
 
 
 def folder_of(path: Path) -> Path:
-    """The folder of the package of a file, in which all of its files may be read."""
+    """The folder of the package that contains a file; all files in it may be read."""
     parts = path.parts
     tops = [i for i, part in enumerate(parts) if part in ("site-packages", "share")]
     return Path(*parts[: tops[-1] + 2]) if tops else path.parent
 
 
 def models_of(path: Path, kind: str) -> list[str | None]:
-    """What `--model` may be asked for: the models of a world, where there are several."""
+    """The values that `--model` may have: the models of a world, if it has several."""
     try:
         imported(path, kind)
     except codegen.ModelError as error:
@@ -180,7 +180,7 @@ def models_of(path: Path, kind: str) -> list[str | None]:
 
 
 def judged(path: Path, kind: str, states: int, chosen: str | None) -> dict[str, Any]:
-    """What comes of a file."""
+    """The outcome of importing a file and comparing it."""
     more = {"model": chosen} if chosen is not None else {}
     try:
         found = imported(path, kind, **more)
@@ -209,7 +209,7 @@ def judged(path: Path, kind: str, states: int, chosen: str | None) -> dict[str, 
 
 
 def found_name(path: Path) -> str:
-    """The name of the only model of an SDF that moves, as it is in the file."""
+    """The name, in the file, of the only model of an SDF that moves."""
     root = codegen.importing.xml_reading.parse_xml(path.read_bytes(), str(path))
     models = [*root.all("model"), *(m for w in root.all("world") for m in w.all("model"))]
     moving = [m for m in models if (s := m.first("static")) is None or s.text.strip().lower() not in ("1", "true")]

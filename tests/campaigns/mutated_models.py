@@ -1,4 +1,4 @@
-"""Damaged model files by the thousand: each is a model or a ModelError, within ten seconds, and nothing else.
+"""Thousands of damaged model files: each must give a model or a ModelError within ten seconds, and no other error.
 
     python tests/campaigns/mutated_models.py 0:200000 --results /tmp/mutated --jobs 2
 
@@ -31,7 +31,7 @@ SLOWEST = 5
 
 
 def state_of_the_code() -> str:
-    """A digest of the loader and of the mutations: results of another state are not taken for this one's."""
+    """A digest of the loader and of the mutations; results from another state of the code are not reused."""
     digest = hashlib.sha256()
     for path in sorted([*(ROOT / "codegen" / "model").rglob("*.py"), ROOT / "tests" / "model_mutations.py"]):
         digest.update(path.read_bytes())
@@ -39,7 +39,7 @@ def state_of_the_code() -> str:
 
 
 def run_chunk(job: tuple[int, int, Path, float, str]) -> dict[str, Any]:
-    """Load the texts of the seeds ``start <= seed < stop`` and write down what became of them."""
+    """Load the texts of the seeds ``start <= seed < stop``, and record the outcome of each."""
     start, stop, file, limit, code = job
     counts: Counter[str] = Counter()
     failures, slow = [], []
@@ -97,7 +97,7 @@ def main() -> int:
 
 
 def summary(done: list[dict[str, Any]], code: str) -> int:
-    """Print what became of all seeds; 1 if any failed."""
+    """Print the outcomes of all seeds; returns 1 if any failed."""
     counts: Counter[str] = sum((Counter(r["counts"]) for r in done), Counter())
     failures = [f for r in done for f in r["failures"]]
     slowest = sorted((tuple(s) for r in done for s in r["slowest"]), reverse=True)[:SLOWEST]

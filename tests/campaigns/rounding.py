@@ -1,4 +1,4 @@
-"""How far rounding goes: results in double precision against the same statements in 40 digits, on random models and long chains.
+"""Rounding errors: results in double precision against the same statements in 40 digits, on random models and long chains.
 
     python tests/campaigns/rounding.py --draws 60 --chains 10 100 1000
 
@@ -104,7 +104,7 @@ def mechanisms(draws: int) -> Iterator[tuple[Any, tuple[Any, ...]]]:
 
 
 def chain(n: int, angle: float) -> tuple[Any, tuple[Any, ...]]:
-    """A planar chain of n rods with length and mass 1 in all, the first horizontal, the others at an angle to the one before."""
+    """A planar chain of n rods of total length and mass 1; the first is horizontal, each other at an angle to the rod before."""
     q = np.full(n, angle)
     q[0] = np.pi / 2
     u = np.random.default_rng(n).uniform(-1, 1, n)
@@ -112,7 +112,7 @@ def chain(n: int, angle: float) -> tuple[Any, tuple[Any, ...]]:
 
 
 def measured(model: Any, state: tuple[Any, ...], rng: np.random.Generator) -> dict[str, list[float]] | None:
-    """Errors of a model's solver at a state; None where there is none, or it is singular."""
+    """Errors of a model's solver at a state; None if the model has no solver, or the state is singular."""
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         try:

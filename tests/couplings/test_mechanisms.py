@@ -1,4 +1,4 @@
-"""Coupled coordinates in trees and loops: both engines, reduced dynamics, the same motion by a joint or a loop, forces."""
+"""Coupled coordinates in trees and loops: both engines, reduced dynamics, equivalent joints and loops, and forces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions with coupled coordinates: energy, closure, gradients forward and backward, dead reckoning in closed form."""
+"""Motions with coupled coordinates: energy, closure, gradients forward and by the adjoint, and closed forms."""
 
 from __future__ import annotations
 

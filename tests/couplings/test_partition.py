@@ -1,4 +1,4 @@
-"""What the float part makes of couplings: rows, residuals, dependents, ears, components, long chains."""
+"""Couplings in `codegen.loops`: rows, residuals, dependents, ears, components, long chains."""
 
 from __future__ import annotations
 

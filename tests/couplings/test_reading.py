@@ -1,4 +1,4 @@
-"""Couplings in model files: what is read, what is shown, what is wrong."""
+"""Couplings in model files: reading, display, and errors."""
 
 from __future__ import annotations
 

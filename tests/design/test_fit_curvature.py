@@ -1,4 +1,4 @@
-"""The full Hessian of a fit, and profile likelihood intervals: against closed forms of the oscillator."""
+"""The full Hessian of a fit, and profile likelihood intervals, against closed forms of the oscillator."""
 
 from __future__ import annotations
 

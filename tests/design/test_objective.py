@@ -1,4 +1,4 @@
-"""Objectives of motions against closed forms, and what optimisers find with them."""
+"""Objectives of motions against closed forms, and optimisations with them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Sweeps over designs: the closed form of an oscillator by threads, processes and a cluster, and whatever may die on the way."""
+"""Sweeps over designs, by threads, processes and a cluster, against the closed form of an oscillator; workers that die."""
 
 import functools
 import json

@@ -1,4 +1,4 @@
-"""Journals of sweeps: what they are keyed by, what they leave alone, and damaged ones."""
+"""Journals of sweeps: their keys, the files that they leave unchanged, and damaged journals."""
 
 import functools
 import importlib.util

@@ -1,4 +1,4 @@
-"""Views of what cannot be shown, and of what is very small, very large, or not visible."""
+"""Views of models that cannot be shown, and of very small, very large or invisible ones."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Views and pages in a browser: they load without errors, look as their references, move, and follow their sliders."""
+"""Views and pages in a browser: they load without errors, equal their reference pictures, move, and react to their sliders."""
 
 import os
 import shutil

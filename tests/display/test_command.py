@@ -1,4 +1,4 @@
-"""``ordernm view``: what is refused before the work, and what is written."""
+"""``ordernm view``: the requests that it refuses before the work, and the files that it writes."""
 
 from pathlib import Path
 

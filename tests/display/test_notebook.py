@@ -1,4 +1,4 @@
-"""A notebook: views, pages and results show themselves, and nothing else is printed."""
+"""In a notebook, views, pages and results display themselves, and nothing else is printed."""
 
 import pytest
 

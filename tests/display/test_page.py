@@ -1,4 +1,4 @@
-"""docs/views.md: its Python runs, and its commands are those that there are."""
+"""docs/views.md: its Python runs, and its commands exist."""
 
 import re
 import shutil

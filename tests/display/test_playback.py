@@ -1,4 +1,4 @@
-"""What a view sends to the browser for each frame, and how often a page asks for one."""
+"""The data that a view sends to the browser for each frame, and how often a page requests a frame."""
 
 import shutil
 import subprocess

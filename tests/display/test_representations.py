@@ -1,4 +1,4 @@
-"""What public functions return has a short `repr`, and HTML that a parser reads and that escapes names."""
+"""Results of public functions have a short `repr`, and valid HTML in which names are escaped."""
 
 import inspect
 from html.parser import HTMLParser

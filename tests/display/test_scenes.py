@@ -1,4 +1,4 @@
-"""Scenes: what a package with frames says of the bodies, at any parameters, against the model and independent kinematics."""
+"""Scenes: poses of bodies from a package with frames, at any parameters, against the model and independent kinematics."""
 
 import json
 import pickle

@@ -1,4 +1,4 @@
-"""Messages of commands refer to sections of docs/errors.md, which exist and are about the error."""
+"""Messages of commands refer to sections of docs/errors.md that exist and explain the error."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""Pages of the documentation: all their code runs and prints what they say; tutorial and how-to pages do what they claim."""
+"""Pages of the documentation: their code runs and prints what they show; tutorials and how-to pages reach their aims."""
 
 import re
 import time

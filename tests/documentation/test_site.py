@@ -1,4 +1,4 @@
-"""The documentation site: every page is listed, links lead somewhere, and its dark and light pictures are small."""
+"""The documentation site: every page is listed, links have targets, and its dark and light pictures are small."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Generated C against the reference engines, and what the C is allowed to be."""
+"""Generated C against the reference engines, and rules that the C code follows."""
 
 from __future__ import annotations
 

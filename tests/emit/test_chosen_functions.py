@@ -1,4 +1,4 @@
-"""Packages of chosen functions: what was left out is nowhere, what is there gives the same numbers, and calls tell."""
+"""Packages of chosen functions: other functions leave no trace, chosen ones give the same numbers, calls of others say so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Matrices whose columns are computed all at once: on random trees, with more columns than there is room for, in part only."""
+"""Matrices whose columns are computed all at once: on random trees, with many columns, and in part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loops between long branches: generated code agrees with the engines and costs the same for each body."""
+"""Loops between long branches: generated code agrees with the engines, and its cost per body is constant."""
 
 from __future__ import annotations
 

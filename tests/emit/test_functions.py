@@ -1,4 +1,4 @@
-"""A procedure's steps as lines of C, and where a call keeps its arrays."""
+"""A procedure's steps as lines of C, and the places of arrays in a call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gradients in C where an ear ends on a link before it: what it hands on is there before any memory was cleared."""
+"""Gradients in C where an ear ends on an earlier link: its contributions exist before any memory was cleared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields that are 1 in every state are folded into the code, and kinds share it: not where others store something else there.
+"""Fields that are 1 in every state become constants in the code, which kinds share, unless another member stores other values.
 
 Masses of 1, centres of mass at joints and axes along coordinates make such fields; equal links under different loops share kinds.
 """

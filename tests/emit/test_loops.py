@@ -1,4 +1,4 @@
-"""Generated solvers of mechanisms with closed loops: what is promised beyond agreement with the engines."""
+"""Generated solvers of mechanisms with closed loops: properties other than agreement with the engines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions of C read no memory of a call that they have not written: the memory is full of NaN before."""
+"""C functions read no memory of a call that they have not written: the memory is filled with NaN beforehand."""
 
 from __future__ import annotations
 

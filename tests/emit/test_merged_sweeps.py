@@ -1,4 +1,4 @@
-"""Sweeps that are printed as one function compute what the functions of their links do, with no more operations."""
+"""Sweeps that are printed as one function give the results of the functions of their links, with no more operations."""
 
 from __future__ import annotations
 

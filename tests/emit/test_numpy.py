@@ -1,4 +1,4 @@
-"""The generated NumPy module: against the reference engine, batches against single states, and what it needs to run."""
+"""The generated NumPy module: against the reference engine, batches against single states, and its requirements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The manifest says which sweeps a function runs, and how often; the generated C and NumPy are asked whether that is so."""
+"""The manifest lists the sweeps of a function and how often they run; the generated C and NumPy must agree with it."""
 
 from __future__ import annotations
 

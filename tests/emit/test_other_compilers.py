@@ -1,4 +1,4 @@
-"""The generated C with other compilers: as C++20, and for WebAssembly, which is run where there is something to run it."""
+"""The generated C with other compilers: as C++20, and for WebAssembly, which is run if a program for it is installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Long functions stand in parts, which compute what the whole does."""
+"""Long functions are split into parts, which give the results of the whole function."""
 
 import shutil
 import subprocess

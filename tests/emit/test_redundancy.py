@@ -1,4 +1,4 @@
-"""Loops whose redundant conditions hold nearly, or are opened by parameters: generated code, both engines, what is told."""
+"""Loops whose redundant conditions hold only nearly, or are opened by parameters: generated code, both engines, messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Long lists in few words, and back."""
+"""Long lists in a short notation, and back."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Generated solvers of mechanisms whose rotations or positions are split: some speeds dependent, some not."""
+"""Generated solvers of mechanisms with split rotations or positions: some speeds are dependent, others independent."""
 
 from __future__ import annotations
 

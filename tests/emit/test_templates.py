@@ -1,4 +1,4 @@
-"""Compiled templates are kept as Python keeps compiled modules."""
+"""Compiled templates are cached, as Python caches compiled modules."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The benchmarks that are among the examples: motions, and their derivatives, against published or exact numbers.
+"""The benchmark problems among the examples: motions and their derivatives, against published or exact numbers.
 
 Pendulum, coupled four-bars, Bricard's mechanism and the governor are A01, A02, A04 and A05 of the IFToMM library of
 multibody benchmarks; Andrews' mechanism is A03, with the data of the Test Set for IVP Solvers. The numbers of A01, A02 and the

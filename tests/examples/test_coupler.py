@@ -1,4 +1,4 @@
-"""A four-bar that leads a point: its curve against two circles, and its energy."""
+"""A four-bar that guides a point: its curve against intersections of two circles, and its energy."""
 
 import numpy as np
 import pytest

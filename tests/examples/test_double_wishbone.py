@@ -1,4 +1,4 @@
-"""The double wishbone: how its wheel stands, what carries it and its energy, by five distances."""
+"""The double wishbone: the pose of its wheel, its forces and its energy, from five distances."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The excavator: its geometry, what holds it and its energy, by circles and moments."""
+"""The excavator: its geometry, its holding forces and its energy, from circles and moments."""
 
 import itertools
 

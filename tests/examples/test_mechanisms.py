@@ -1,4 +1,4 @@
-"""The shipped mechanisms: as many coordinates, loops and freedoms as they should have, closed, and right by closed forms."""
+"""The shipped mechanisms: numbers of coordinates, loops and degrees of freedom, closure, and closed forms."""
 
 from pathlib import Path
 

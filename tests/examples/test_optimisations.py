@@ -1,4 +1,4 @@
-"""Scripts of examples that optimise and identify: what they find, with gradients that are the same forward and by the adjoint."""
+"""Example scripts that optimise and identify: their results, with equal gradients forward and by the adjoint."""
 
 import importlib
 import sys

@@ -1,4 +1,4 @@
-"""examples/paper_chain.py in its small mode: all contestants agree (the script checks it), tables and plot are written."""
+"""examples/paper_chain.py in its small mode: all contestants agree (the script checks it), and it writes tables and a plot."""
 
 import csv
 import shutil

@@ -1,4 +1,4 @@
-"""examples/paper_loops.py in its small mode: the constrained methods agree (it checks itself), tables and plot are written."""
+"""examples/paper_loops.py in its small mode: the constrained methods agree (it checks that), and it writes tables and a plot."""
 
 import csv
 import shutil

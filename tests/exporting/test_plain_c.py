@@ -1,4 +1,4 @@
-"""``ordernm export --c``: the folder compiles as strict C99, computes what the solver computes, and is as large as it says."""
+"""``ordernm export --c``: the folder compiles as strict C99, gives the solver's results, and has the sizes that it reports."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What holds for force elements of every type: kinds that share code, the compiled functions, what people are told."""
+"""Properties of force elements of every type: shared code of kinds, compiled functions, and messages."""
 
 from __future__ import annotations
 

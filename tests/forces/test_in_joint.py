@@ -1,4 +1,4 @@
-"""Friction and limits of joints: their formulas in all engines, power that is never gained, what is said of mistakes."""
+"""Friction and limits of joints: their formulas in all engines, dissipated power, and messages about mistakes."""
 
 from __future__ import annotations
 

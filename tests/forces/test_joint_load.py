@@ -1,4 +1,4 @@
-"""Forces in joints that depend on positions and velocities of points: the same as of the coordinates that these are."""
+"""Joint forces that depend on positions and velocities of points, against equal forces that depend on coordinates."""
 
 from __future__ import annotations
 

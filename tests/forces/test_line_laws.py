@@ -1,4 +1,4 @@
-"""Laws along a line, each a declaration: what all of them keep, what a wrong one is told, and two motions of closed form."""
+"""Laws along a line, each a declaration: properties of all, errors of wrong declarations, and two motions in closed form."""
 
 from __future__ import annotations
 

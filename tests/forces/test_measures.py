@@ -1,4 +1,4 @@
-"""Positions and velocities of points in expressions: where they are allowed, and what is said elsewhere."""
+"""Positions and velocities of points in expressions: where they are allowed, and the errors elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random expressions at their singular points: derivatives against limits in 400 digits, in every target and direction.
+"""Random expressions at singular points: derivatives against limits in 400 digits, in every target and direction.
 
 A product of factors that vanish at u = 0, each a power, a logarithm, a norm, an angle or a chosen branch, times smooth ones.
 Where quotients to both sides have a limit, a derivative that is a finite number has to be it, and all ways of generated code

@@ -1,4 +1,4 @@
-"""Derivatives at points where plain rules give 0/0 or 0 times infinity: limits, in every target, forward and transposed."""
+"""Derivatives where plain rules give 0/0 or 0 times infinity are limits, in every target, forward and transposed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forces between points of bodies that slide along one direction: the ends may pass each other.
+"""Forces between points of bodies that slide along one direction, so that the points may pass each other.
 
 Near the point where they meet, derivatives keep their digits, whatever the direction is and wherever the line stands: what
 is across it is rounding, which the distance divides by itself.

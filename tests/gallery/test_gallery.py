@@ -1,4 +1,4 @@
-"""The gallery's scripts run in their short form, with the checks that they contain; the campaign runs them whole."""
+"""The gallery's scripts run in their short form, with the checks that they contain; the campaign runs them in full."""
 
 import re
 import runpy

@@ -1,4 +1,4 @@
-"""A generated package that is kept in the repository: a change of what is printed is seen in its review.
+"""A generated package that is stored in the repository, so that reviews show changes of generated code.
 
 ``ORDERNM_UPDATE_GOLDEN=1 python -m pytest tests/golden`` writes it anew.
 """

@@ -1,4 +1,4 @@
-"""Packages of hard cases, each generated once a run."""
+"""Packages of hard cases, each generated once in a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import codegen
 
 @pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., codegen.Solver]:
-    """Generates a model text: accelerations and sensitivities for NumPy, or as `options` of `codegen.generate` say."""
+    """Generate a model's text; default: accelerations and sensitivities, for NumPy. `options` are those of `codegen.generate`."""
     known: dict[Any, codegen.Solver] = {}
 
     def make(text: str, **options: Any) -> codegen.Solver:

@@ -1,4 +1,4 @@
-"""Errors of derivatives as the tests of hard cases state them."""
+"""Errors of derivatives, as the tests of hard cases measure them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 
 def error(found: Any, exact: Any) -> float:
-    """The largest error of a vector, in parts of its largest entry."""
+    """The largest error of an entry of a vector, divided by the vector's largest entry."""
     size = max(abs(y) for y in exact)
     return float(max(abs(mpmath.mpf(float(x)) - y) for x, y in zip(found, exact, strict=True)) / size)
 
 
 def errors(found: Any, exact: Any) -> list[float]:
-    """The same for each direction."""
+    """The result of `error` for each direction."""
     return [error(x, y) for x, y in zip(found, exact, strict=True)]
 
 

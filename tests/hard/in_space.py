@@ -1,4 +1,4 @@
-"""Random spatial mechanisms of one freedom, and their motion in all coordinates of the tree.
+"""Random spatial mechanisms with one degree of freedom, and their motion in all coordinates of the tree.
 
 The reference integrates the tree with multipliers: mass matrix and accelerations of the tree alone, the loops' conditions as
 the package evaluates them, and projects onto closure. So it has no dead point, whatever is independent.
@@ -28,7 +28,7 @@ Vector = np.ndarray
 
 @dataclass
 class Spatial:
-    """The text of a model, but for its last section; coordinates, speeds, and the tree's part of the text."""
+    """A model's text without its last section, its coordinates and speeds, and the part of the text for the tree."""
 
     bodies: list[str]
     closing: list[str]
@@ -37,7 +37,7 @@ class Spatial:
     names: list[str]
 
     def text(self, independent: int | None = None) -> str:
-        """The model, with one independent coordinate; without: its tree."""
+        """The text of the model with one independent coordinate; without it, the text of the tree."""
         lines = ["model: in_space", "gravity: [0.5, -1.0, -9.7]", "bodies:", *self.bodies]
         if independent is not None:
             values = ", ".join(f"{n}: {x!r}" for n, x in zip(self.names, self.q.tolist(), strict=True))
@@ -47,12 +47,12 @@ class Spatial:
         return "\n".join(lines) + "\n"
 
     def conditions(self) -> Conditions:
-        """The loops' conditions, by the closure on floats, apart from generated code."""
+        """The conditions of the loops, computed by `codegen.loops` and not by generated code."""
         return Conditions(codegen.parse_model(self.text(0)))
 
 
 class Conditions:
-    """Residuals of loops, and their rates by unit speeds; all coordinates are angles or displacements."""
+    """Residuals of loops, and their rates per unit speed; every coordinate is an angle or a displacement."""
 
     def __init__(self, model: Any) -> None:
         self.model = model
@@ -64,18 +64,18 @@ class Conditions:
         return np.array([closure(self.model, q, unit)[1] for unit in np.eye(len(q))]).T
 
     def bend(self, q: Vector, u: Vector) -> Vector:
-        """The rate of the matrix times u."""
+        """The time derivative of the condition matrix, times u."""
         rate = [closure(self.model, q + part * STEP * u, u)[1] for part in (1, -1, 0.5, -0.5)]
         return (4 * (rate[2] - rate[3]) - (rate[0] - rate[1]) / 2) / (3 * STEP)
 
 
 def least(A: Vector, b: Vector) -> Vector:
-    """The least solution."""
+    """The solution of A x = b with the smallest norm."""
     return np.linalg.lstsq(A, b, rcond=RANK)[0]
 
 
 def closed(conditions: Conditions, q: Vector, M: Vector | None = None) -> Vector:
-    """The nearest closed coordinates, by Newton."""
+    """The closed coordinates nearest to q, by Newton's method."""
     weight = np.eye(len(q)) if M is None else np.linalg.inv(M)
     for _ in range(30):
         r = conditions.residual(q)
@@ -143,7 +143,7 @@ def solid(rng: np.random.Generator, arm: Vector) -> str:
 
 
 def crank(rng: np.random.Generator, name: str, at: Vector, slides: float) -> tuple[str, Vector]:
-    """A body on the ground, which turns or slides, and its arm."""
+    """The text of a body that rotates or slides on the ground, and the vector of its arm."""
     axis = direction(rng)
     arm = rng.uniform(0.25, 0.8) * across(rng, axis)
     kind = "prismatic" if rng.random() < slides else "revolute"
@@ -178,7 +178,7 @@ def rods(rng: np.random.Generator, gear: bool) -> Spatial:
 
 
 def _points(model: Any, q: Vector, arms: list[Vector]) -> Vector:
-    """The ends of the arms on the ground."""
+    """Positions of the ends of the arms relative to the ground."""
     found = []
     for body, x, arm in zip(model.bodies, q, arms, strict=True):
         at, axis = (np.array([float(e.value) for e in v]) for v in (body.joint.at, body.joint.axes[0]))
@@ -233,7 +233,7 @@ def cardan(rng: np.random.Generator) -> Spatial:
 
 
 def bennett(rng: np.random.Generator) -> Spatial:
-    """Bennett's linkage: one freedom, though it counts none."""
+    """Bennett's linkage: it has one degree of freedom, although the count of joints and conditions gives none."""
     alpha, beta, first = rng.uniform(0.4, 0.9), rng.uniform(1.0, 1.4), rng.uniform(0.4, 2.5)
     a, b = 1.0, float(np.sin(beta) / np.sin(alpha))
     second = 2 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2))
@@ -259,7 +259,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Spatial]] = {
 
 
 def random_in_space(family: str, seed: int) -> tuple[Spatial, int]:
-    """A closed mechanism of one freedom that moves, and its independent coordinate."""
+    """A closed mechanism that has one degree of freedom and can move, and its independent coordinate."""
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
     while True:
         m = FAMILIES[family](rng)

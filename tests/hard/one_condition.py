@@ -23,7 +23,7 @@ SINGULAR = 1e-3
 
 @dataclass
 class Body:
-    """One coordinate: an angle about -y at `at`, or a way along the direction `angle` from `at`, in the plane x, z."""
+    """A body with one coordinate: an angle about -y at `at`, or a displacement in direction `angle` from `at` (x-z plane)."""
 
     turns: bool
     at: tuple[float, float]
@@ -38,7 +38,7 @@ class Body:
         return self.inertia + self.mass * self.com**2 if self.turns else self.mass
 
     def place(self, q: Any, along: Any, up: Any) -> tuple[Any, Any]:
-        """Of a point of the body given in its axes, against the ground."""
+        """Position, on the ground, of a point given in the body's axes."""
         turned = q if self.turns else self.angle
         slid = 0 if self.turns else q
         c, s = (
@@ -49,7 +49,7 @@ class Body:
         return self.at[0] + c * (along + slid) - s * up, self.at[1] + s * (along + slid) + c * up
 
     def seen(self, q: Any, point: tuple[Any, Any]) -> tuple[Any, Any]:
-        """A point of the ground in the body's axes."""
+        """Position, in the body's axes, of a point given on the ground."""
         turned = q if self.turns else self.angle
         slid = 0 if self.turns else q
         c, s = (
@@ -76,7 +76,7 @@ class Body:
 
 @dataclass
 class Mechanism:
-    """Bodies, conditions as expressions of their coordinates, and the text of the model."""
+    """Bodies, loop conditions as expressions of the bodies' coordinates, and the text of the model."""
 
     bodies: list[Body]
     q: np.ndarray
@@ -90,14 +90,14 @@ class Mechanism:
         return list(sympy.symbols(f"q0:{len(self.bodies)}", real=True))
 
     def point(self, i: int) -> tuple[Any, Any]:
-        """The end of a body's arm, as expressions."""
+        """Position of the end of a body's arm, as expressions."""
         return self.bodies[i].place(self.symbols[i], self.bodies[i].arm, 0)
 
     def value(self, expression: Any) -> float:
         return float(sympy.sympify(expression).subs(dict(zip(self.symbols, self.q, strict=True))))
 
     def distance(self, i: int, j: int) -> None:
-        """A massless rod between the ends of two arms."""
+        """Add a condition: a massless rod connects the ends of two arms."""
         (x0, z0), (x1, z1) = self.point(i), self.point(j)
         square = (x1 - x0) ** 2 + (z1 - z0) ** 2
         length = self.value(square) ** 0.5
@@ -108,7 +108,7 @@ class Mechanism:
         )
 
     def surface(self, i: int, j: int, rng: np.random.Generator) -> None:
-        """The end of one arm on a cylinder over a curve of the other body."""
+        """Add a condition: the end of one arm is on a cylinder over a curve of the other body."""
         x, z = self.bodies[i].seen(self.symbols[i], self.point(j))
         a, b = float(rng.uniform(0.05, 0.3)), float(rng.uniform(1.0, 3.0))
         if self.bodies[i].turns:
@@ -125,7 +125,7 @@ class Mechanism:
         )
 
     def slot(self, i: int, j: int) -> None:
-        """The end of one arm in a straight slot of the other body."""
+        """Add a condition: the end of one arm is in a straight slot of the other body."""
         _, z = self.bodies[i].seen(self.symbols[i], self.point(j))
         height = self.value(z)
         self.conditions.append(z - height)
@@ -135,7 +135,7 @@ class Mechanism:
         )
 
     def gear(self, i: int, j: int, ratio: float) -> None:
-        """One coordinate follows another."""
+        """Add a condition: one coordinate is a multiple of another."""
         qi, qj = self.symbols[i], self.symbols[j]
         offset = float(self.q[j] - ratio * self.q[i])
         self.conditions.append(qj - ratio * qi - offset)
@@ -161,7 +161,7 @@ class Mechanism:
         return "\n".join(lines) + "\n"
 
     def energy(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Of rows of coordinates and speeds."""
+        """The total energy for each row of coordinates and speeds."""
         total = np.zeros(len(q))
         for i, b in enumerate(self.bodies):
             height = b.com * np.sin(q[:, i]) if b.turns else np.sin(b.angle) * q[:, i]
@@ -211,7 +211,7 @@ class Mechanism:
 
 
 def random_body(rng: np.random.Generator, x: float) -> Body:
-    """Pivots stand about a metre apart."""
+    """A random body; pivots are about a metre apart."""
     turns = bool(rng.random() < 0.65)
     arm = float(rng.uniform(0.2, 0.9))
     at = (float(x + rng.uniform(-0.2, 0.2)), float(rng.uniform(-0.2, 0.2)))
@@ -222,7 +222,7 @@ def random_body(rng: np.random.Generator, x: float) -> Body:
 
 
 def random_mechanism(seed: int) -> tuple[Mechanism, list[int]]:
-    """A mechanism of one freedom, and the coordinate that is independent: one that mostly has dead points."""
+    """A mechanism with one degree of freedom, and its independent coordinate, which usually has dead points."""
     rng = np.random.default_rng(seed)
     while True:
         count = 2 if rng.random() < 0.6 else 3

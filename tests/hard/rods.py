@@ -1,4 +1,4 @@
-"""Planar chains of rods in extended precision, by the forces in their hinges: nothing in common with the generator's recursions.
+"""Planar chains of rods in extended precision, by the forces in their hinges, without the recursions of the generator.
 
 Body k turns by the absolute angle th_k and is held by the force F_k at its near end, -F_{k+1} at its far end. That its near end
 accelerates as the far end of the body before gives two equations for every hinge, in F_{k-1}, F_k, F_{k+1}: a block-tridiagonal
@@ -17,7 +17,7 @@ DIGITS = 60
 
 
 class Dual:
-    """A number of mpmath with derivatives along some directions."""
+    """An mpmath number with its derivatives along several directions."""
 
     __slots__ = ("d", "x")
 
@@ -53,7 +53,7 @@ def _less(a: Vector, b: Vector) -> Vector:
 
 
 def _solve(M: Sequence[Dual], b: Vector) -> Vector:
-    """The solution of a symmetric system of two: M is (xx, xy, yy)."""
+    """The solution of M x = b for a symmetric 2x2 matrix M, given as (xx, xy, yy)."""
     xx, xy, yy = M
     det = xx * yy - xy * xy
     return (yy * b[0] - xy * b[1]) / det, (xx * b[1] - xy * b[0]) / det

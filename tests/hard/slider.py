@@ -1,4 +1,4 @@
-"""A slider-crank without friction whose energy is known in closed form: the crank's angle gives everything else."""
+"""A slider-crank without friction; its motion follows from the crank's angle and a closed form of the energy."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ outputs: {x: {value: q.piston}, kinetic: kinetic_energy}
 
 
 def model(independent: str) -> str:
-    """The text of the model; motions begin with the crank at 0.9 rad and w0, if the crank is independent."""
+    """The text of the model; if the crank is independent, motions begin at 0.9 rad with the speed w0."""
     speed = "crank: w0" if independent == "crank" else "piston: 0"
     return MODEL.replace("SPEED", speed).replace("INDEPENDENT", independent)
 
 
 def places(angle: Any, crank: Any, rod: Any) -> tuple[Any, Any]:
-    """Angle of the rod against the crank, and place of the piston, on the side where it begins."""
+    """The angle of the rod relative to the crank, and the position of the piston, on the initial branch."""
     tilt = np.arcsin(-crank / rod * np.sin(angle))  # of the rod against the axis
     return tilt - angle, crank * np.cos(angle) + rod * np.cos(tilt)
 
 
 def energy(angle: Any, speed: Any, g: Any, crank: Any, rod: Any, mass: Any, flywheel: Any) -> Any:
-    """Kinetic and potential energy together."""
+    """The sum of kinetic and potential energy."""
     tilt = np.arcsin(-crank / rod * np.sin(angle))
     tilting = -crank * np.cos(angle) * speed / (rod * np.cos(tilt))
     piston = -crank * np.sin(angle) * speed - rod * np.sin(tilt) * tilting

@@ -1,4 +1,4 @@
-"""The double pendulum from (90, 90) degrees: sensitivities of a chaotic motion are right, and said to mean nothing at last.
+"""The double pendulum from (90, 90) degrees: sensitivities of a chaotic motion are right, and finally reported as meaningless.
 
 Two points of 1 kg on massless rods of 1 m, g = 9.81 m/s^2, at rest. Reference: the equations of motion in absolute angles and
 their variational equations, by extrapolation (Gragg, Bulirsch, Stoer) of order 28 in 40 digits; steps of 1/25 s and 1/40 s agree

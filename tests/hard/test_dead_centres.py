@@ -1,4 +1,4 @@
-"""A slider-crank that is integrated by its piston, whose dead centres the motion passes.
+"""A slider-crank whose independent coordinate is that of the piston passes its dead centres.
 
 There the piston says nothing of the crank. With two partitions the motion goes on with the crank, and so do its derivatives;
 with one it ends, and says why.

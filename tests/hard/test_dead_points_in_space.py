@@ -1,4 +1,4 @@
-"""Motions of spatial mechanisms over dead points of their independent coordinate; loops of one condition and of several."""
+"""Motions of spatial mechanisms through dead points of their independent coordinate, with one or several loop conditions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Lengths that agree nearly, and derivatives by lengths that have to agree: parallel cranks through their flat pose."""
+"""Parallel cranks with nearly equal lengths in their flat pose, and derivatives with respect to lengths that must be equal."""
 
 from __future__ import annotations
 

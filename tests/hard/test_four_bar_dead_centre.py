@@ -1,4 +1,4 @@
-"""A crank-rocker by its rocker, which stands where crank and coupler are in one line, while the crank turns.
+"""A crank-rocker with independent rocker, which stops where crank and coupler are in line, while the crank turns.
 
 No method may go over such a point without a word: steps of the implicit one are smooth there, and constant ones know no errors.
 """

@@ -1,4 +1,4 @@
-"""A thin rod on a universal joint and on a spherical one, where it lies along the first axis of the universal joint.
+"""A thin rod on a universal joint and on a spherical one, where it is along the first axis of the universal joint.
 
 There turning about the first axis moves nothing: the joint has to be named before numbers become wrong. A rod that passes near by
 turns quickly about that axis, which is right; its end moves as that of a spherical pendulum, whose equation stands here. A ball

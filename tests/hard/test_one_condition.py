@@ -1,4 +1,4 @@
-"""Loops of a single condition at their dead points: what they are measured by, and motions over them.
+"""Loops with a single condition at their dead points: the measure of their conditioning, and motions through these points.
 
 The condition number of a matrix with one entry is always 1, so such a loop seemed to be as far from a dead point as can be, up
 to the dead point itself.

@@ -1,4 +1,4 @@
-"""States whose loops are open: what is measured, what is repaired with a word, and what is computed as it stands."""
+"""States whose loops are open: the measured residuals, repairs with a warning, and functions that use the state as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Equilibria and linearisations where a loop loses rank, or is at a dead point of its independent coordinate: they say so."""
+"""Equilibria and linearisations where a loop loses rank, or at a dead point of the independent coordinate: messages."""
 
 import math
 import warnings

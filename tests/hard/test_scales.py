@@ -1,4 +1,4 @@
-"""The same mechanism from a nanometre to a thousand kilometres: results scale as dimensions say, to rounding.
+"""The same mechanism from a nanometre to a thousand kilometres: results scale with their dimensions, to rounding.
 
 A slider-crank in space with a pendulum on a ball joint, a spring, a motor: lengths are scaled by L, masses by M, times by T. All
 else has to follow, whether the model is generated in that size or its parameters are changed at run time.

@@ -1,4 +1,4 @@
-"""Loops with redundant conditions in space: a planar four-bar, Bennett's linkage and Bricard's, however they stand in the world.
+"""Spatial loops with redundant conditions: a planar four-bar, Bennett's and Bricard's linkages, in any orientation.
 
 Exact values come from the dense method in extended precision; Bennett's angles from the closed form
 tan(a/2) tan(b/2) = sin((beta + alpha)/2)/sin((beta - alpha)/2).

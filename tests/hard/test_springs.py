@@ -1,4 +1,4 @@
-"""Springs that are stiff, and springs without length.
+"""Very stiff springs, and springs of length zero.
 
 A block on a rail with a spring from a point of the rail is linear, and known in closed form with its derivatives. Where a spring
 is almost rigid, a swinging block is a pendulum. Where the ends of a spring meet it has no direction: it is named.

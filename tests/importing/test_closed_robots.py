@@ -1,4 +1,4 @@
-"""Real robots whose links are held by points of the ground, against Pinocchio's matrices of the same files and multipliers.
+"""Real robots with links held at points of the ground, against Pinocchio's matrices for the same files and multipliers.
 
 ``python -m pytest -m campaign tests/importing/test_closed_robots.py``
 """

@@ -1,4 +1,4 @@
-"""`ordernm import`: files, what it prints, and its exit codes."""
+"""`ordernm import`: its files, its output, and its exit codes."""
 
 import subprocess
 import sys

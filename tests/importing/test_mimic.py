@@ -1,4 +1,4 @@
-"""Joints that follow others, of URDF, MJCF and objects of Pinocchio's, as couplings; against Pinocchio reduced by hand."""
+"""Joints that follow others, in URDF, MJCF and objects of Pinocchio, as couplings; against reduced matrices of Pinocchio."""
 
 from __future__ import annotations
 

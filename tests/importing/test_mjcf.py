@@ -1,4 +1,4 @@
-"""MJCF through MuJoCo: every type of joint moves as `mj_forward` says, loops as MuJoCo's own matrices say."""
+"""MJCF through MuJoCo: motion of every joint type against `mj_forward`, loops against MuJoCo's matrices."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What acts in an MJCF without control, where its parts come from, and what of its files is read."""
+"""MJCF: forces without control, the origin of parts in several files, and the files that are read."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""docs/import.md: its robot becomes its model, and its code runs."""
+"""docs/import.md: its robot gives its model, and its code runs."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Objects of Pinocchio's as models: every type of joint, composites, mimic joints."""
+"""Objects of Pinocchio as models: every joint type, composite joints, mimic joints."""
 
 import numpy as np
 import pytest

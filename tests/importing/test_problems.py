@@ -1,4 +1,4 @@
-"""Files with something wrong: one message for each thing, with its line, and never a traceback or half a file."""
+"""Faulty files: one message with a line for each fault, and never a traceback or an incomplete file."""
 
 import random
 import re

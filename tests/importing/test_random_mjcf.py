@@ -1,4 +1,4 @@
-"""Random files of MJCF against MuJoCo: ``python -m pytest -m campaign tests/importing/test_random_mjcf.py``."""
+"""Random MJCF files against MuJoCo: ``python -m pytest -m campaign tests/importing/test_random_mjcf.py``."""
 
 import pytest
 from mujoco_agreement import apart

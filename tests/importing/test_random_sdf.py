@@ -1,4 +1,4 @@
-"""Random files of SDF against Drake's reading of them: ``python -m pytest -m campaign tests/importing/test_random_sdf.py``."""
+"""Random SDF files against Drake: ``python -m pytest -m campaign tests/importing/test_random_sdf.py``."""
 
 from dataclasses import replace
 

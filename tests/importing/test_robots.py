@@ -1,4 +1,4 @@
-"""Real robots, of the package example-robot-data, against Pinocchio's reading of the same files.
+"""Real robots of the package example-robot-data, against Pinocchio for the same files.
 
 ``python -m pytest -m campaign tests/importing/test_robots.py``
 """

@@ -1,4 +1,4 @@
-"""SDF: poses, frames and axes in all the ways it has, and joints that close loops."""
+"""SDF: poses, frames and axes in all notations, and joints that close loops."""
 
 import numpy as np
 import pytest

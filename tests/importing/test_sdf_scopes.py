@@ -1,4 +1,4 @@
-"""Models within models of SDF, includes, frames and versions, in numbers that Drake gave for the same files."""
+"""Nested models of SDF, includes, frames and versions, against numbers from Drake for the same files."""
 
 import os
 

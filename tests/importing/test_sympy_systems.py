@@ -1,4 +1,4 @@
-"""Systems of `sympy.physics.mechanics` as models: accelerations are those of sympy's own equations."""
+"""Systems of `sympy.physics.mechanics` as models: accelerations against sympy's own equations."""
 
 from __future__ import annotations
 

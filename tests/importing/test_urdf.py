@@ -1,4 +1,4 @@
-"""URDF files become models: what is kept, how it is written, and that it moves as Pinocchio says."""
+"""URDF files as models: retained data, the written text, and motions against Pinocchio."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Loops of a URDF: <constraint>, Gepetto's robot.yaml, and the same by a side file; what URDF 1.1 and Drake add."""
+"""Loops of a URDF: <constraint>, Gepetto's robot.yaml, and side files; features of URDF 1.1 and of Drake."""
 
 import os
 from pathlib import Path

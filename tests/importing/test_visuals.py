@@ -1,4 +1,4 @@
-"""Visuals of robots: solids, meshes and colours, where they are seen, and which are left out."""
+"""Visuals of robots: solids, meshes and colours, their poses, and those that are left out."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""JAX functions of solvers: values and derivatives are those of the solver and of differences, batches too; bad input raises."""
+"""JAX functions of solvers: values and derivatives against the solver and differences, also in batches; bad input."""
 
 from __future__ import annotations
 

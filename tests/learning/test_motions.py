@@ -1,4 +1,4 @@
-"""Motions as functions in JAX and PyTorch: values and derivatives are those of the solver; bad input raises."""
+"""Motions as functions in JAX and PyTorch: values and derivatives against the solver; bad input."""
 
 from __future__ import annotations
 

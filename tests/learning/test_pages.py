@@ -1,4 +1,4 @@
-"""The pages on other libraries for learning: all their code runs and prints what they say."""
+"""The pages on JAX and PyTorch: their code runs and prints what they show."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""PyTorch functions of solvers: values and derivatives are those of the solver and of differences; bad input raises."""
+"""PyTorch functions of solvers: values and derivatives against the solver and differences; bad input."""
 
 from __future__ import annotations
 

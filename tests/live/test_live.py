@@ -1,4 +1,4 @@
-"""The page that computes: its numbers are those of the native code, its size, and its behaviour in a browser."""
+"""The page that computes in the browser: its numbers against native code, its size, and its behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mechanisms at random lengths and poses, followed along random ways beside a motion along the same way in fine steps."""
+"""Mechanisms with random lengths and poses, assembled along random paths and compared with motions in small steps."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ initial: {{q: {{one: 0.5, rocker: 0.3}}}}
 
 
 class Way(NamedTuple):
-    """A closed state, and where its independent coordinates are to go."""
+    """A closed state, and the target of its independent coordinates."""
 
     q: Array
     p: Array
@@ -78,7 +78,7 @@ class Way(NamedTuple):
 
 
 def random_way(rng: np.random.Generator, solver: Any) -> Way:
-    """A closed state at random lengths and angles; faces in the ground are put where the links are."""
+    """A closed state with random lengths and angles; faces on the ground are placed where the links need them."""
     p = solver.parameters
     names = list(solver.parameter_names)
     for name in names:
@@ -114,7 +114,7 @@ def random_way(rng: np.random.Generator, solver: Any) -> Way:
 
 
 def way_of_initial(rng: np.random.Generator, solver: Any) -> Way:
-    """From the initial state of any model: angles and displacements by up to a radian or metre, rotations about any axis."""
+    """A path from a model's initial state: angles and displacements change by up to 1 rad or 1 m, rotations about any axis."""
     q, _ = solver.initial
     own = [solver.coordinate_names.index(n) for n in solver.independent_names]
     to = q.copy()

@@ -45,7 +45,7 @@ def model(
 
 
 def four_bar(crank=1.0, coupler=2.0, rocker=1.5, base=2.2, q=(1.0, -0.8, -1.2), independent=()) -> Model:
-    """Planar, about y, links along x at zero angles; the rocker hangs on the coupler, its foot closes the loop."""
+    """A planar four-bar about y, links along x at zero angles. The rocker is carried by the coupler; its foot closes the loop."""
     return model(
         [body("crank", GROUND, "revolute", Y), body("coupler", 0, "revolute", Y, at=(crank, 0, 0)),
          body("rocker", 1, "revolute", Y, at=(coupler, 0, 0))],
@@ -68,7 +68,7 @@ def ladder(n: int, tilt=np.pi / 3, wrong=0.0, order=1) -> Model:
 
 
 def pinned(n: int) -> Model:
-    """A chain hanging from the ground with its tip held: hinges about y, x, y, x ..."""
+    """A chain of n links on the ground whose tip is held by the loop; its hinges are about y, x, y, x, ..."""
     bodies = [body(f"link{k}", k - 1, "revolute", X if k % 2 else Y, at=(0, 0, -1) if k else ORIGIN) for k in range(n)]
     tip = loop("tip", "spherical", (n - 1, (0, 0, -1)), (GROUND, (0.5 * n, 0.1, -0.3 * n)))
     return model(bodies, [tip], {f"link{k}": 0.3 * np.sin(k + 1) for k in range(n)})
@@ -87,7 +87,7 @@ def bricard() -> Model:
 
 
 def slider_crank() -> Model:
-    """Crank 0.5 m and rod 1.3 m about y; the slide on x joins the rod by a hinge that is the loop."""
+    """A crank of 0.5 m, a rod of 1.3 m, both about y, and a slide along x; the loop joint is the hinge of rod and slide."""
     bodies = [
         body("crank", GROUND, "revolute", Y),
         body("rod", 0, "revolute", Y, at=(0.5, 0, 0)),
@@ -97,7 +97,7 @@ def slider_crank() -> Model:
 
 
 def chain_ladder(n: int, type="revolute") -> Model:
-    """The ladder with its rails as one chain: rail k + 1 hangs on rail k, rungs on the rails' tips, feet are the loops."""
+    """A ladder whose rails are one chain: rail k + 1 is a child of rail k, rungs are children of rails, feet close loops."""
     axes = (Y,) if type == "revolute" else (Y, X)
     bodies = [body("rung0", GROUND, type, *axes)]
     loops, q = [], {}
@@ -164,7 +164,7 @@ def nested() -> Model:
 
 
 class RandomMechanism:
-    """A random tree with loops that are closed at a configuration known beforehand."""
+    """A random tree with loops that are closed at known coordinates."""
 
     TREE = ("revolute", "revolute", "revolute", "prismatic", "universal", "spherical", "free")
     LOOPS = ("fixed", "revolute", "prismatic", "universal", "spherical", "cylindrical", "planar")
@@ -227,7 +227,7 @@ def floats(a: Any) -> tuple[float, ...]:
 
 
 def rotation_matrix(v: Any) -> np.ndarray:
-    """Of a rotation vector."""
+    """The rotation matrix of a rotation vector."""
     angle = np.linalg.norm(v)
     if not angle:
         return np.eye(3)
@@ -237,13 +237,13 @@ def rotation_matrix(v: Any) -> np.ndarray:
 
 
 def axis_angle(R: np.ndarray) -> tuple:
-    """A rotation as the model wants it."""
+    """A rotation matrix as axis and angle, in the form that models use."""
     v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return ((floats(v), float(np.arctan2(np.linalg.norm(v), np.trace(R) - 1))),)
 
 
 def turned(model_: Model, rotation: tuple) -> Model:
-    """The same mechanism in another world: everything on the ground hangs on a body that is fixed to it, turned."""
+    """The same mechanism in other world axes: a rotated body that is fixed to the ground carries everything on the ground."""
     frame = body("frame", GROUND, "fixed", at=(0.3, -0.2, 0.5), rotation=(rotation,))
     moved = [replace(b, parent=b.parent + 1) for b in model_.bodies]
     loops = [
@@ -254,7 +254,7 @@ def turned(model_: Model, rotation: tuple) -> Model:
 
 
 def on_free_body(model_: Model) -> Model:
-    """The same mechanism on a body that floats."""
+    """The same mechanism on a free body."""
     result = turned(model_, (X, 0.4))
     return replace(result, bodies=(body("float", GROUND, "free"), *result.bodies[1:]))
 

@@ -1,4 +1,4 @@
-"""Assembly against closed forms, and what it leaves alone."""
+"""Assembly against closed forms, and the coordinates that it does not change."""
 
 import re
 import sys

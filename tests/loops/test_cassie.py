@@ -1,4 +1,4 @@
-"""Cassie with the digits of its file: planar loops that are planar to 7e-8 rad, chosen and assembled over its joints' range.
+"""Cassie with the digits of its file: loops that are planar to 7e-8 rad, assembled over the range of its joints.
 
 Which random states can be closed at all, the independent coordinates held, is found by a second way: the loops' kinematics
 written out below, and a search from many random dependents.

@@ -1,4 +1,4 @@
-"""Joints of every type on floats: against products of elementary matrices in 50 digits, and loops of the same type."""
+"""Numerical joints of every type: against products of elementary matrices in 50 digits, and loops of the same type."""
 
 import dataclasses
 

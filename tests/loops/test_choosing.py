@@ -1,4 +1,4 @@
-"""The choice of dependents as a whole: its condition against pivoting, how far it reaches, and what is said of it."""
+"""The whole choice of dependents: its condition number against pivoting, its reach, and the messages about it."""
 
 from dataclasses import replace
 from pathlib import Path

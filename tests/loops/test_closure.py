@@ -1,4 +1,4 @@
-"""Residuals of loops and the closure matrix, against each other and against kinematics done by hand."""
+"""Residuals of loops and the closure matrix, against each other and against kinematics derived by hand."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The choice of columns: near the cut, of full rank, well conditioned, quaternion joints whole if that serves."""
+"""The choice of columns: near the cut, of full rank, well conditioned, quaternion joints as a whole where possible."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Assembly stays on the branch of its guess: against closed forms, and against motions along the same way."""
+"""Assembly stays on the branch of its guess: against closed forms, and against motions along the same path."""
 
 import importlib
 import re

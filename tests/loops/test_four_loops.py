@@ -1,4 +1,4 @@
-"""Accelerations and derivatives of four loops whose dependents were chosen badly one by one: to rounding now."""
+"""Accelerations and derivatives of four loops, exact to rounding with dependents that are chosen together."""
 
 from pathlib import Path
 

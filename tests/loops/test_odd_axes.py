@@ -1,4 +1,4 @@
-"""An error about a loop that does not move names the one axis that is not parallel to the others."""
+"""The error about a loop that cannot move names the only axis that is not parallel to the others."""
 
 import pytest
 

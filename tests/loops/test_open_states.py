@@ -1,4 +1,4 @@
-"""States that do not close the loops: a warning for values that a user gives by name or as a list."""
+"""Warnings about states that do not close the loops, given by name or as an array."""
 
 import warnings
 from types import MappingProxyType

@@ -1,4 +1,4 @@
-"""Which speeds become dependent, in which ears, at which rank."""
+"""Partitions: the dependent speeds, the ears, and their ranks."""
 
 import time
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Loops closed by conditions on points, distances, surfaces and curves: engines, equivalent models, motions, reactions."""
+"""Loops with conditions on points (distances, surfaces, curves): engines, equivalent models, motions, reactions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conditions that follow from others nearly: what is dropped, what is said, which parameters open what is redundant."""
+"""Nearly redundant conditions: the dropped ones, the messages, and the parameters that open redundant conditions."""
 
 import numpy as np
 import pytest

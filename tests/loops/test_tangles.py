@@ -1,4 +1,4 @@
-"""Which ears start from each other's bodies, and which bodies an ear's dependents move."""
+"""Ears that start from each other's bodies, and the bodies that the dependents of an ear move."""
 
 import pytest
 

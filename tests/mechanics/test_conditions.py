@@ -1,4 +1,4 @@
-"""Closing conditions of loop joints: what they see of motions at the cut, in velocities, accelerations and finite motions."""
+"""Closing conditions of loop joints: their values for relative motions at the cut, in velocities, accelerations, positions."""
 
 from __future__ import annotations
 

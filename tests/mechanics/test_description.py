@@ -1,4 +1,4 @@
-"""What is said of regions: the base of each, and why, on models whose bases are known."""
+"""The description of regions: the base of each and the reason, on models whose bases are known."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order of elimination and the couplings that arise in it."""
+"""The order of elimination, and the couplings that arise in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of fields and what blocks store and load: a field that is misspelt, forgotten or never read stops generation."""
+"""The table of fields, and the fields that blocks store and load: misspelt, missing or unread fields stop generation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Formulas: what has no value is refused, what only looks like it is not."""
+"""Formulas: those without a value are refused, and those that only look undefined are accepted."""
 
 from __future__ import annotations
 

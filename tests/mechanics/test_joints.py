@@ -1,4 +1,4 @@
-"""Joints of links, each by its own identities: its statements as formulas of sympy, differentiated by sympy, at random values."""
+"""Joints of links: the identities of each, with its statements as formulas of sympy, differentiated, at random values."""
 
 from __future__ import annotations
 

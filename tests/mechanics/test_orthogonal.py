@@ -1,4 +1,4 @@
-"""The orthogonal factor of closure matrices: its own identities, on numbers against NumPy and on zero patterns."""
+"""The orthogonal factor of closure matrices: its identities, on numbers against NumPy and on patterns of zeros."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The size that pivots of links are measured against: what it stops, in trees that keep no trace of their inertias."""
+"""The scale for pivots of links: the trees that it stops, although their articulated inertias alone look regular."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Powers of any size: generated in no time, exact where floats are, the same in C and NumPy."""
+"""Powers of any size: fast to generate, exact where floats are, and equal in C and NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What functions do, as data: every step names what exists, and trees, loops and springs have the steps that are theirs."""
+"""Functions as data: every step refers to something that exists; trees, loops and springs have their own steps."""
 
 from __future__ import annotations
 

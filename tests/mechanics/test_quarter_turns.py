@@ -1,4 +1,4 @@
-"""Quarter turns of joints, faces and force elements are exact: they cost nothing, and all engines turn by the same matrix."""
+"""Quarter turns of joints, faces and force elements are exact: they take no operations, and all engines use equal matrices."""
 
 from __future__ import annotations
 

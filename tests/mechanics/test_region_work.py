@@ -1,4 +1,4 @@
-"""Loops become one region or several, whichever takes fewer operations; the numbers are the same."""
+"""Loops are solved in one region or in several, whichever takes fewer operations; the results are the same."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Roots of ears: each sort of them is one object, which stands, moves and takes forces as one."""
+"""Roots of ears: one object for each sort, which gives its pose and motion, and takes forces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The symbolic expansion: what it costs, what it leaves out, and that it does not grow with the model."""
+"""The symbolic expansion: its operations, omitted zeros, and a time that does not grow with the model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Elimination and back substitution: the same identities for joints of trees and for sources of regions, against NumPy."""
+"""Elimination and back substitution: identities for joints of trees and for sources of regions, against NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint frames turned about their own axes: the joint's angle begins elsewhere, and nothing is turned by constants."""
+"""Joint frames rotated about their own axes change the zero of the joint's angle, and add no constant rotation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Calls with several arguments within braces and brackets of YAML, without quotes: one error that shows what to write."""
+"""Calls with several arguments in unquoted YAML braces and brackets: one error that shows the correct text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Angles and axes that look like exact ones with few digits."""
+"""Angles and axes that are exact values rounded to a few digits."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The examples of the documentation do what it says."""
+"""The examples of the documentation have the results that it states."""
 
 import re
 from pathlib import Path

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (the tables of mistakes read better in one line each)
-"""Bad input: every problem at once, each with its place, its key, what was seen and what is allowed."""
+"""Bad input: all problems at once, each with its place, its key, the value seen, and the values allowed."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The expression grammar against Python's own arithmetic, exactness, folding, and hostile texts."""
+"""The expression grammar against Python's own arithmetic: exactness, folding of constants, and malicious texts."""
 
 import contextlib
 import copy

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables of mistakes)
-"""Models of several files: what is included, and submodels, against the same written in one file."""
+"""Models in several files, by inclusion and by submodels, against the same model in one file."""
 
 from __future__ import annotations
 

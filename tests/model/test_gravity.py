@@ -1,4 +1,4 @@
-"""Gravity that changes with time or inputs: the same as a constant one where it has its value."""
+"""Gravity that depends on time or inputs, against constant gravity of the same value."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Strange, huge and damaged model files: what is wrong is said, in time, and nothing else happens."""
+"""Strange, very large and damaged model files: an error within a time limit, and no other effect."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Which mass properties are refused, which are warned of, and which do no harm."""
+"""Mass properties: which are refused, which give a warning, and which are accepted."""
 
 from __future__ import annotations
 

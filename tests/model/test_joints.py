@@ -1,4 +1,4 @@
-"""What every type of joint says of itself: names, keys, freedoms, closure; and what a model file makes of it."""
+"""The declarations of every joint type (names, keys, degrees of freedom, closure), and joints in model files."""
 
 from random import Random
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Conditions, smooth steps, distances of points and named expressions: what they mean, in all engines, and what is said of mistakes."""
+"""Conditions, smooth steps, distances of points and named expressions: their values in all engines, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file means: every key, repetition, sharing, and the builder beside the file."""
+"""The meaning of a model file: every key, repetition, sharing, and the builder as an alternative to the file."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (the table of mistakes reads better in one line each)
-"""Loops, springs and the hint for independent coordinates: what the keys mean, and what is wrong with them."""
+"""Loops, springs and `independent`: the meaning of their keys, and errors."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Remainders and periodic tables: values and slopes in all engines, over many periods and across the seam; mistakes."""
+"""Remainders and periodic tables: values and slopes in all engines, over many periods and across the seam; errors."""
 
 from __future__ import annotations
 

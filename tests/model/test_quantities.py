@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables)
-"""Numbers with units, and vectors: what they are in SI, where they may stand, and what is said where they do not fit."""
+"""Numbers with units, and vectors: their SI values, where they are allowed, and errors about wrong units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives of random expressions by closed forms, at ordinary points, against quotients in 60 digits."""
+"""Derivatives of random expressions in closed form, at ordinary points, against difference quotients in 60 digits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything in a model file that names something, in a file that is used as a submodel: names mean what they mean alone."""
+"""Every kind of name in the file of a submodel: names have the meaning that they have in the file alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expressions of sympy in models, and expressions of models in sympy."""
+"""sympy expressions in models, and model expressions in sympy."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (tables of mistakes)
-"""Tables: their values and slopes in all engines, beyond their ends, exactly on their points; what is said of mistakes."""
+"""Tables: values and slopes in all engines, beyond the ends and exactly at the points; errors."""
 
 from __future__ import annotations
 

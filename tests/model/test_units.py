@@ -1,4 +1,4 @@
-"""Units of coordinates, speeds and outputs: as many as names, and those of SI."""
+"""Units of coordinates, speeds and outputs: one for each name, in SI."""
 
 import pytest
 

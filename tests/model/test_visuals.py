@@ -1,4 +1,4 @@
-"""Visuals of bodies: what is read, and what is said of entries that are wrong."""
+"""Visuals of bodies: the entries that are read, and errors about wrong ones."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Solvers to integrate, each generated once a run."""
+"""Solvers that tests integrate, each generated once in a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOVING = ("motion", "energies")
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
-    """Generates what `motion.models` describes, by its name: ``made(tree, 3)``."""
+    """Generate a model of `motion.models` from the function that makes it and its arguments: ``made(tree, 3)``."""
     known: dict[Any, Made] = {}
 
     def make(draw: Callable[..., Any], *arguments: Any, **options: Any) -> Made:
@@ -33,7 +33,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
 
 @pytest.fixture(scope="session")
 def falling(made: Callable[..., Made]) -> Any:
-    """A stone that falls: everything is known in closed form."""
+    """A falling stone, whose motion is known in closed form."""
     return made(parsed, FALLING).solver
 
 

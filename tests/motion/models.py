@@ -1,4 +1,4 @@
-"""Models that the tests of motion share: random ones with outputs that see everything, and small ones with closed forms."""
+"""Models that the tests of motion share: random models with outputs of all kinds, and small ones with closed forms."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Drawn = tuple[Model, Array | None, Array | None]
 
 
 class Made(NamedTuple):
-    """A solver, its model, and the state and parameters to begin with; None for the model's."""
+    """A solver with its model, initial state and parameters; None stands for those of the model."""
 
     solver: Any
     model: Model
@@ -84,7 +84,7 @@ def example(name: str) -> Drawn:
 
 
 def driven(body: str, force: str, initial: str = "", **extra: str) -> Drawn:
-    """One body of unit mass on a slide with a force of q and u."""
+    """A body of unit mass on a prismatic joint with a force that depends on q and u."""
     text = f"""
 model: driven
 parameters: {{a: 1.0}}
@@ -107,7 +107,7 @@ outputs:
 
 
 def seen(model: Model) -> Model:
-    """The model with outputs of place, speed and energy of its last body."""
+    """The model with outputs for position, velocity and energy of its last body."""
     tip = Point("tip", len(model.bodies) - 1, vector(0.3, -0.2, 0.7))
     outputs = (
         Output("height", "position", (tip,), vector(0, 0, 1)),
@@ -127,7 +127,7 @@ def tree(seed: int, n: int = 3, **options: Any) -> Drawn:
 
 
 def ball(seed: int) -> Drawn:
-    """One body on a ball joint."""
+    """A single body on a ball joint."""
     return tree(seed, 1, joints=("spherical",))
 
 

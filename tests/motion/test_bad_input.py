@@ -1,4 +1,4 @@
-"""What cannot be simulated is told: arguments, states, motions that end on the way; and everything before that is there."""
+"""Wrong arguments and states, and motions that end early: messages, and the results up to the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The integrators without Python: examples/motion.c, as it comes and under sanitizers, in memory full of garbage."""
+"""The integrators without Python: examples/motion.c, unchanged and with sanitizers, in memory full of arbitrary values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sampled controllers in motions: against the closed form of a held force, and against the same inputs given in advance."""
+"""Sampled controllers in motions: against the closed form for a constant force, and against inputs given in advance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dependent quaternions keep length one: Newton's method makes them longer, and the implicit one begins it anywhere."""
+"""Dependent quaternions keep unit length, although Newton's method lengthens them."""
 
 from __future__ import annotations
 

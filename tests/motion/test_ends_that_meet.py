@@ -1,4 +1,4 @@
-"""Motions that pass a state in which a force or a distance has no direction: derivatives are exact, or lost with a warning."""
+"""Motions through states in which a force or a distance has no direction: derivatives are exact, or NaN with a warning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events: a stone that falls through levels, where everything is known in closed form, and a linkage."""
+"""Events of a falling stone, against closed forms, and of a linkage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses where loops lose rank: the N-four-bar A02 of the IFToMM library through the pose where all its links are in one line.
+"""Poses where loops lose rank: the N-four-bar A02 of the IFToMM library through the pose where all its links are in line.
 
 Its motion is that of one pendulum, phi'' = c sin phi from the upright, so everything is known in closed form; numbers are
 those of Jacobi's functions in 40 digits.

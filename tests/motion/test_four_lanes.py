@@ -1,4 +1,4 @@
-"""Two to four directions are integrated in four lanes, with the numbers of eight."""
+"""Two to four directions are integrated in four lanes, with the results of eight lanes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The library of the integrators is compiled anew when any of its files changes; its declarations are parsed once."""
+"""The library of the integrators is compiled again when any of its files changes; its declarations are parsed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives across points of cubic tables and ends of ``step``, where motions do not stop: third derivatives jump there."""
+"""Derivatives of motions across points of cubic tables and ends of ``step``, where third derivatives jump."""
 
 from __future__ import annotations
 

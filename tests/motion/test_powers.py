@@ -1,4 +1,4 @@
-"""Contact forces such as ``max(0, -x)**1.5`` or ``sqrt(max(0, -x))``: derivatives across contacts are right to tolerance."""
+"""Contact forces such as ``max(0, -x)**1.5`` or ``sqrt(max(0, -x))``: derivatives across contacts, within the tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random mechanisms with closed loops whose forces jump, are steep, or have singular points: exact derivatives, or a warning.
+"""Random mechanisms whose forces jump, are steep, or have singular points: exact derivatives, or a warning.
 
 Derivatives with the default tolerances, of both adaptive integrators and both ways, are compared with a motion at 1e-12, and that
 one with central differences of motions at 1e-13.

@@ -1,4 +1,4 @@
-"""Hessian products of functionals of motions: against gradients in 40 digits, symmetry, and refusals."""
+"""Hessian products of functionals of motions: against gradients in 40 digits, symmetry, and errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs over time in every form that `simulate` takes: between, before and after their times; derivatives by their values."""
+"""Inputs over time in every form that `simulate` takes, also beyond their times; derivatives with respect to their values."""
 
 from __future__ import annotations
 

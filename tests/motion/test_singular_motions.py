@@ -1,4 +1,4 @@
-"""Motions with derivatives that begin, or stay, where plain rules give 0 times infinity; what is said where there is none."""
+"""Motions that begin, or stay, where plain rules of differentiation give 0 times infinity; messages without a derivative."""
 
 from __future__ import annotations
 

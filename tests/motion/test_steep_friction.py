@@ -1,4 +1,4 @@
-"""Friction that is smooth and steep: derivatives stay exact though a fast component has died down, or warnings say where not."""
+"""Smooth but steep friction: derivatives stay exact after a fast component has decayed, or a warning is issued."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Events at switches, and several switches at one time: derivatives that exist against differences of motions, NaN for others."""
+"""Events at switches, and several switches at one time: derivatives against differences of motions, or NaN if none exist."""
 
 from __future__ import annotations
 

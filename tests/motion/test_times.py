@@ -1,4 +1,4 @@
-"""Results at times that are asked for: within steps, at their ends, few and many, from any beginning."""
+"""Results at requested times: within steps and at their ends, few and many, from any initial time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Times of switches and events are known only within the errors of a motion.
+"""Times of switches and events have the errors of the motion; derivatives that depend on their order do not exist.
 
 Derivatives that depend on an order within these errors do not exist, and nothing is passed unseen.
 """

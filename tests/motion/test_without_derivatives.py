@@ -1,4 +1,4 @@
-"""Motions that stay at, or pass, states where a force has no derivative: NaN and a warning along those directions only."""
+"""Motions through, or at rest in, states where a force has no derivative: NaN and a warning along such directions only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Acceleration of points: the derivative of their velocity along the motion, with forces, inputs and loops in it."""
+"""Acceleration of points: the time derivative of their velocity, with forces, inputs and loops."""
 
 from __future__ import annotations
 

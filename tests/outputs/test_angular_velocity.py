@@ -1,4 +1,4 @@
-"""Angular velocity of bodies, in ground and body axes."""
+"""Angular velocity of bodies, in ground axes and in body axes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Distance of points: its rate, and no derivative where it is zero."""
+"""Distance of points: its rate, and its missing derivative at zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outputs of every measure on random trees and mechanisms: generated NumPy and C, both reference engines, transposes, identities.
+"""Outputs of every measure on random trees and mechanisms: generated NumPy and C, both engines, transposes, identities.
 
 Each measure draws its outputs in the file of its own tests, see `measured.with_outputs`.
 """

@@ -1,4 +1,4 @@
-"""Momentum of the system: what moves the centre of mass, what outside forces change and inside forces do not."""
+"""Momentum of the system: the motion of the centre of mass, and the effects of external and internal forces."""
 
 from __future__ import annotations
 

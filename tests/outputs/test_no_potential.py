@@ -1,4 +1,4 @@
-"""Energies of models without gravity and without springs: the potential energy is zero, in every function that reads it."""
+"""Energies of models without gravity and springs: the potential energy is zero in every function that uses it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Position and velocity of points: the second is the derivative of the first along the motion."""
+"""Position and velocity of points; the velocity is the time derivative of the position along the motion."""
 
 from __future__ import annotations
 

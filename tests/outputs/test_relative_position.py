@@ -1,4 +1,4 @@
-"""Position and velocity of a point relative to another one."""
+"""Position and velocity of a point relative to another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotation of bodies: orthogonal matrices, quaternions of them, their rates, and what happens after half a turn."""
+"""Rotation of bodies: orthogonal matrices, their quaternions and rates, and the sign of quaternions after half a turn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random prescribed models: engines with exact second derivatives, and inputs over time against the same motion written out."""
+"""Random prescribed models: engines with exact second derivatives, and inputs over time against equal formulas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs over time that prescribed motion follows: their splines give rates and accelerations, values and derivatives alike."""
+"""Inputs over time that prescribed motion follows: rates and accelerations of their splines, with derivatives."""
 
 from __future__ import annotations
 

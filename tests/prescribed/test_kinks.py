@@ -1,4 +1,4 @@
-"""Prescribed motion whose velocity jumps is refused where it stands, or, at other parameters, ends a motion with a message."""
+"""Prescribed motion whose velocity jumps: an error in the model file, or at other parameters the end of the motion."""
 
 from __future__ import annotations
 

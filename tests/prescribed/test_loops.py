@@ -1,4 +1,4 @@
-"""Prescribed motion within closed loops: both engines, the same mechanism with the crank set free, power, time."""
+"""Prescribed motion in closed loops: both engines, the same mechanism with a free crank, power, time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prescribed motion in trees: generated code against both engines, the same model set free, and gravity changed."""
+"""Prescribed motion in trees: generated code against both engines, against the free model, and with other gravity."""
 
 from __future__ import annotations
 

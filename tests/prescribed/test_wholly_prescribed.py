@@ -1,4 +1,4 @@
-"""Mechanisms whose motion is wholly prescribed, trees and loops: simulated and judged like any other, against closed forms."""
+"""Mechanisms whose whole motion is prescribed, trees and loops: `simulate` and `judge` against closed forms."""
 
 from __future__ import annotations
 

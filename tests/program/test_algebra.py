@@ -1,4 +1,4 @@
-"""Expressions of statements against sympy's: what comes out of the same operations, in the same order of terms and factors."""
+"""Expressions of statements against sympy: the results of the same operations, with the same order of terms and factors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expansions, passes and derivative primitives: properties on random programs, not printed text."""
+"""Expansion, passes and derivative primitives: properties on random programs, not printed text."""
 
 from __future__ import annotations
 

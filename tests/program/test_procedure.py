@@ -1,4 +1,4 @@
-"""Steps of procedures: what they count as, and what is left of them where nothing is to do."""
+"""Steps of procedures: their operation counts, and the remaining steps if some have nothing to do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The transpose of a block is the transpose of the linear map that the block is."""
+"""The transpose of a block is the transpose of the linear map that the block computes."""
 
 from __future__ import annotations
 

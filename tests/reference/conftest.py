@@ -1,4 +1,4 @@
-"""Puts the tests' folder on the path: `random_models` is shared by the tests of every floor."""
+"""Adds the folder of tests to the path, since tests of several folders import `random_models`."""
 
 import sys
 from pathlib import Path

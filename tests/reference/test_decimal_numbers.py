@@ -1,4 +1,4 @@
-"""Decimal numbers give what mpmath's give, in a fifth of the time."""
+"""Decimal numbers give the results of mpmath's numbers in a fifth of the time."""
 
 import decimal
 import warnings

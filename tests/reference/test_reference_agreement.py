@@ -1,4 +1,4 @@
-"""Recursive engine against dense method: two formulations that share nothing but the model."""
+"""The recursive engine against the dense method: two formulations that share only the model."""
 
 import numpy as np
 import pytest

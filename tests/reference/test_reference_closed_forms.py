@@ -1,4 +1,4 @@
-"""Mechanisms whose equations stand in textbooks."""
+"""Mechanisms whose equations of motion are known from textbooks."""
 
 import numpy as np
 import pytest

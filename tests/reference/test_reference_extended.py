@@ -1,4 +1,4 @@
-"""Both engines on mpmath numbers: rounding of the float64 engines, and derivatives against differences of 60 digits."""
+"""Both engines with mpmath numbers: rounding errors of the float64 engines, and derivatives against differences in 60 digits."""
 
 import mpmath
 import numpy as np

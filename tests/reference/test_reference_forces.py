@@ -1,4 +1,4 @@
-"""Laws of force elements: power, energy, and what engines make of forces and torques at a point of a body."""
+"""Laws of force elements: power, energy, and loads at a point of a body in the engines."""
 
 from dataclasses import dataclass
 from typing import ClassVar, get_args

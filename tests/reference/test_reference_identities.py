@@ -1,4 +1,4 @@
-"""What must hold for any tree, whatever the formulation: balance, symmetry, power, quaternions, linearity."""
+"""Identities that hold for any tree and formulation: balance, symmetry, power, quaternions, linearity."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Joints of every type in the reference engines, in 50 digits: from elementary matrices, and one engine against the other."""
+"""Joints of every type in the reference engines, in 50 digits: against elementary matrices, and between the engines."""
 
 import mpmath
 import numpy as np

@@ -1,4 +1,4 @@
-"""Loops and springs: closed forms, reactions, and what the engines refuse or warn about."""
+"""Loops and springs: closed forms, reactions, and the errors and warnings of the engines."""
 
 import dataclasses
 

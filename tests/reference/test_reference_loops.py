@@ -1,4 +1,4 @@
-"""Random mechanisms: the recursive engine against the dense method, and what must hold for any closed loop."""
+"""Random mechanisms: the recursive engine against the dense method, and identities of closed loops."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Mechanisms of one freedom whose closure is solved in closed form, against the engines.
+"""Mechanisms with one degree of freedom whose closure has a closed form, against the engines.
 
 The independent route: positions of all mass centres as functions of the crank's angle alone, Lagrange's equation in that
 angle, and every derivative a central difference of mpmath numbers of 60 digits.

@@ -1,4 +1,4 @@
-"""Expressions with derivatives, the small linear algebra, and what the engines refuse."""
+"""Expressions with derivatives, the linear algebra of small matrices, and errors of the engines."""
 
 import decimal
 

@@ -1,4 +1,4 @@
-"""Rotations and positions of which some speeds are dependent and some are not: the engines against each other and differences.
+"""Rotations and positions with both dependent and independent speeds: the engines against each other and differences.
 
 What of a seed counts is its rotation vector, or displacement, in child axes: components along independent speeds are kept, the
 others follow from closure.

@@ -1,4 +1,4 @@
-"""The loops that say what a core can do."""
+"""The loops that measure the peak performance of a core."""
 
 import platform
 import re

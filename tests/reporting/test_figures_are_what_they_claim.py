@@ -1,4 +1,4 @@
-"""What reports and the manual's page say of motions that ended early, of derivatives that vanish, and of exact motions."""
+"""Reports and the manual's page about motions that ended early, derivatives that vanish, and exact motions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Motions of a report that end early, or cannot begin."""
+"""Motions of a report that end early or cannot begin."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Reports: their numbers are the solver's own, their pages need nothing else, and what is left out is said."""
+"""Reports: numbers equal the solver's, pages need no other files, and omissions are listed."""
 
 import json
 import re

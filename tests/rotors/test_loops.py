@@ -1,4 +1,4 @@
-"""Reflected inertia of rotors in mechanisms: dependent, independent, coupled and prescribed joints, long branches, reactions."""
+"""Rotor inertias in mechanisms: dependent, independent, coupled and prescribed joints, long branches, reactions."""
 
 from __future__ import annotations
 

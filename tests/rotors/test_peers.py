@@ -1,4 +1,4 @@
-"""Reflected inertia of rotors against Pinocchio and MuJoCo: what their own algorithms make of `armature`."""
+"""Rotor inertias against `armature` in Pinocchio and MuJoCo."""
 
 from __future__ import annotations
 

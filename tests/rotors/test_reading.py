@@ -1,4 +1,4 @@
-"""The key `armature` of joints: what it may be, what is said where it is wrong, and what else of a model knows it."""
+"""The key `armature` of joints: allowed values, errors, and its use in other parts of the model."""
 
 from __future__ import annotations
 

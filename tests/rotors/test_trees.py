@@ -1,4 +1,4 @@
-"""Reflected inertia of rotors in trees: generated code against both engines, more digits, and what it is by definition."""
+"""Rotor inertias in trees: generated code against both engines, in more digits, and against their definition."""
 
 from __future__ import annotations
 

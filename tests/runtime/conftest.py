@@ -1,4 +1,4 @@
-"""Packages to run: real ones of two examples, and a tiny one written by hand whose C compiles in no time."""
+"""Packages for tests of the run time: of two examples, and a very small one written by hand that compiles quickly."""
 
 import json
 from pathlib import Path
@@ -123,7 +123,7 @@ SIZES = {
 
 @pytest.fixture
 def make_pendulum(tmp_path):
-    """Writes a package of one link: what `generate` would write for it, but of the run time only what its C includes."""
+    """Write a package of one link, as `generate` would, with only those run-time files that its C includes."""
 
     def make(**changes) -> Path:
         folder = tmp_path / "pendulum"
@@ -149,7 +149,7 @@ def pendulum(make_pendulum):
 
 @pytest.fixture(scope="session")
 def packages(tmp_path_factory):
-    """Generated packages by name: `double_pendulum`, `satellite` with quaternions and inputs, and `four_bar`, a loop."""
+    """Generated packages by name: `double_pendulum`, `satellite` with quaternions and inputs, and `four_bar` with a loop."""
     folder = tmp_path_factory.mktemp("generated")
     for name in ("double_pendulum", "satellite", "four_bar"):
         codegen.generate(EXAMPLES / f"{name}.yaml", folder / name, compile="all")  # nearly all is called

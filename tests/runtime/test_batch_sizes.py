@@ -1,4 +1,4 @@
-"""Batches of every size give the numbers of single states: every function of a package, C, NumPy and in more digits."""
+"""Batches of every size against single states: every function of a package, in C, in NumPy and in more digits."""
 
 from __future__ import annotations
 

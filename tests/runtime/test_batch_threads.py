@@ -1,4 +1,4 @@
-"""How many threads share a batch where `batch_threads` is not set, and that results do not depend on it."""
+"""The default number of threads for a batch, and that results do not depend on it."""
 
 import dataclasses
 import math

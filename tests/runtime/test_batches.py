@@ -1,4 +1,4 @@
-"""Batches: several states at once, on threads, with states that cannot be computed, and assembled together."""
+"""Batches: several states at once, on threads, with singular states, and assembled together."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""Compiling: once, into the right place, safely when many do it at once, and honestly when it fails."""
+"""Compilation: only once, into the right folder, safe with several processes, and with an error if it fails."""
 
 import multiprocessing
 import os

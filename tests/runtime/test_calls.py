@@ -1,4 +1,4 @@
-"""How Python calls the C: both ways of cffi, and results in `out=`; `test_single_calls` has calls with one state."""
+"""Calls of C from Python: both interfaces of cffi, and results in `out=`; `test_single_calls` tests calls with one state."""
 
 import sys
 import sysconfig

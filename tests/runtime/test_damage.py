@@ -1,4 +1,4 @@
-"""Packages that were cut short or edited, compilers that hang or are none, results that are not finite: all are told."""
+"""Truncated or edited packages, compilers that hang or are missing, results that are not finite: messages."""
 
 import json
 import os

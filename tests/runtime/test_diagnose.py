@@ -1,4 +1,4 @@
-"""What `diagnose` says: estimates beside real errors, conditions beside those of dense matrices, closed forms, words."""
+"""`diagnose`: estimated and actual errors, condition numbers against dense matrices, closed forms, messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small batches: the same bits as single calls, and the same errors as large batches."""
+"""Small batches give the bits of single calls and the errors of large batches."""
 
 from pathlib import Path
 

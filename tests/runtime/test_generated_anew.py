@@ -1,4 +1,4 @@
-"""A package that is generated anew in its place while solvers of it are open: nobody computes with the C of another model."""
+"""A package that is generated again while its solvers are open: none of them computes with the C of another model."""
 
 import pickle
 

@@ -1,4 +1,4 @@
-"""Models that begin in equilibrium: the state, its derivatives, motions from it."""
+"""Models that begin in equilibrium: the state, its derivatives, and motions from it."""
 
 from __future__ import annotations
 

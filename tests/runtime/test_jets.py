@@ -1,4 +1,4 @@
-"""Dual numbers: every rule against mpmath, and shapes that broadcast."""
+"""Dual numbers: every rule against mpmath, and broadcast shapes."""
 
 import mpmath
 import numpy as np

@@ -1,4 +1,4 @@
-"""Linearised equations: closed forms, the dense engine, small perturbations of motions, and second derivatives in 50 digits."""
+"""Linearised equations: closed forms, the dense engine, small perturbations, and second derivatives in 50 digits."""
 
 import warnings
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Opening packages: where they lie, when they are written anew, and from other versions."""
+"""Opening packages: their location, packages that are written again, and packages of other versions."""
 
 import gc
 import json

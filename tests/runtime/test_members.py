@@ -1,4 +1,4 @@
-"""Members of the solver against the generic engine, and against each other; `rig` tests how arrays are taken."""
+"""Members of the solver against the generic engine and each other; the tests in `rig` cover arrays."""
 
 import ast
 import inspect

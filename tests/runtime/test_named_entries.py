@@ -1,4 +1,4 @@
-"""What names of sensitivities stand for, in motions and in states of rest: looked up in one place."""
+"""Names of sensitivities and the quantities that they denote, in motions and equilibria."""
 
 from __future__ import annotations
 

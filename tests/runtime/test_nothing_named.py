@@ -1,4 +1,4 @@
-"""A model without parameters, inputs and outputs: messages say that there are none, and what to do."""
+"""A model without parameters, inputs and outputs: messages say so, and name a remedy."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Calls that go straight to the C give what the general path gives, on random functions and ways to pass arguments."""
+"""Calls that go directly to C against the general path, on random functions and kinds of arguments."""
 
 import gc
 import tracemalloc

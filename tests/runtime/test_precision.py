@@ -1,4 +1,4 @@
-"""The solver in more digits: against the dense method in mpmath's numbers, and what it takes and refuses."""
+"""The solver in more digits: against the dense method in mpmath's numbers, its arguments, and its errors."""
 
 import io
 import pickle

@@ -1,4 +1,4 @@
-"""Libraries compiled when asked for, what a terminal is shown meanwhile, and what a motion counts as its time."""
+"""Libraries that are compiled on request, the display in a terminal meanwhile, and the measured time of a motion."""
 
 import sys
 import time

@@ -1,4 +1,4 @@
-"""Radau IIA: against the explicit method, closed forms and SciPy, for the state and for sensitivities, stiff and not."""
+"""Radau IIA: against the explicit method, closed forms and SciPy, for states and sensitivities, stiff and not stiff."""
 
 import warnings
 from dataclasses import replace

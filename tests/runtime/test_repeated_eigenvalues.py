@@ -1,4 +1,4 @@
-"""Derivatives of repeated eigenvalues: those of the branches where they split, NaN in both parts where there are none."""
+"""Derivatives of repeated eigenvalues: those of the branches into which they split, or NaN if none exist."""
 
 from __future__ import annotations
 

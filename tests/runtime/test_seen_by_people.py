@@ -1,4 +1,4 @@
-"""What people see of results: tables for printing, pictures in notebooks, words of diagnoses and fits."""
+"""Results as people see them: printed tables, pictures in notebooks, texts of diagnoses and fits."""
 
 import pickle
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Calls with one state: the faster path for plain arrays and the general one give the same bits, whatever the function is."""
+"""Calls with one state: the fast path for plain arrays and the general path give equal bits, for every function."""
 
 import dataclasses
 import threading

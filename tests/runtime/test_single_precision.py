@@ -1,4 +1,4 @@
-"""Packages in single precision against the same model in double: every function, single states and batches in vectors."""
+"""Packages in single precision against double precision: every function, single states and batches in vectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States: assembled at once where they are closed, in batches, and from some coordinates by name."""
+"""States: accepted at once if closed, in batches, and with some coordinates given by name."""
 
 import copy
 import pickle

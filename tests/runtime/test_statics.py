@@ -1,4 +1,4 @@
-"""States of rest: closed forms, the dense engine, mechanisms that hang, loops, split joints, and what is told."""
+"""Equilibria: closed forms, the dense engine, hanging mechanisms, loops, split joints, and messages."""
 
 import warnings
 

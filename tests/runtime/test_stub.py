@@ -1,4 +1,4 @@
-"""Stubs of packages: what type checkers and editors read of a solver is what it has."""
+"""Stubs of packages: type checkers and editors see exactly the members that a solver has."""
 
 import ast
 import inspect

@@ -1,4 +1,4 @@
-"""Trajectories: names, drifts, what they show, tables, files bit for bit, and pictures."""
+"""Trajectories: names, drifts, texts, tables, files equal bit by bit, and pictures."""
 
 import builtins
 import io

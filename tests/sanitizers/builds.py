@@ -1,4 +1,4 @@
-"""Compilers and flags that generated C is examined with, and whether this machine has them."""
+"""Compilers and flags for the examination of generated C, and whether this machine has them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ENVIRONMENT = {
 
 @dataclass(frozen=True)
 class Build:
-    """One way to compile."""
+    """A compiler with flags."""
 
     compiler: str
     flags: tuple[str, ...]
@@ -40,7 +40,7 @@ class Build:
 
     @property
     def missing(self) -> str:
-        """What this machine lacks for it, and how to get it; nothing if it works."""
+        """What this machine lacks for the build, and how to install it; empty if the build works."""
         return _missing(self)
 
 

@@ -1,4 +1,4 @@
-"""Calls of every function of a generated header: what they are given, and what must come out.
+"""Calls of every function of a generated header: arguments, and expected results.
 
 Names and sizes are read from the header and ``model.json``, not asked of the generator; numbers must be those of the
 package's NumPy module.
@@ -87,11 +87,11 @@ class Prototype:
 
     @property
     def over_states(self) -> bool:
-        """Whether several states are worked on at once."""
+        """Whether the function computes several states at once."""
         return self.batch.endswith("_states")
 
     def _strided(self, at: int, name: str) -> list[str]:
-        """Lines that say where an array is: along directions it has the direction as last index."""
+        """Lines that state the place of an array; along directions, the direction is its last index."""
         along = bool(self.width) and name.startswith("d")
         steps = {"at": f"a[{at}]", "state": f"step[{at}]", "direction": "1" if along else "0"}
         steps["entry"] = str(self.width) if along else "1"
@@ -100,7 +100,7 @@ class Prototype:
 
 @dataclass
 class Call:
-    """A call, and what must come out of it: the results, the number of what is singular, or None for whatever comes."""
+    """A call and its expected outcome: results, the number of the singular item, or None for any outcome."""
 
     prototype: Prototype
     count: int | None
@@ -114,7 +114,7 @@ class Call:
 
 @dataclass
 class Part:
-    """The functions of one header: a package has one, with a second partition two."""
+    """The functions of one header; a package with a second partition has two headers."""
 
     folder: Path
     manifest: Mapping[str, Any]
@@ -195,7 +195,7 @@ class Part:
         }  # fmt: skip
 
     def size(self, f: Prototype, name: str) -> int:
-        """Number of doubles that a function takes or gives in one call."""
+        """Number of doubles of an argument or result of a function, in one call."""
         return self.sizes[name.removeprefix("d")] * f.width if self.along(f, name) else self.sizes[name]
 
     def along(self, f: Prototype, name: str) -> bool:
@@ -304,7 +304,7 @@ class Part:
         return call
 
     def expected(self, f: Prototype, arguments: list[Array]) -> list[Array] | int:
-        """What the NumPy module computes, laid out as in C: results, or the number of what is singular."""
+        """The results of the NumPy module in the layout of the C, or the number of the singular item."""
         key = (f.function, f.width), *(x.tobytes() for x in arguments)
         if key not in self.known:
             self.known[key] = self._expected(f, arguments)
@@ -330,7 +330,7 @@ class Part:
         return results
 
     def _number(self, error: Any) -> int:
-        """What the C returns for a singular joint, loop or force element."""
+        """The status that the C returns for a singular joint, loop or force element."""
         m = self.manifest
         names = {
             "SingularJointError": [("", n) for n in m["links"]],
@@ -362,7 +362,7 @@ class Part:
         )
 
     def write(self, calls: list[Call], file: Path) -> None:
-        """The harness's input."""
+        """Write the input of the harness."""
         with open(file, "wb") as out:
             for c in calls:
                 head = [self.prototypes.index(c.prototype), -1 if c.count is None else c.count, c.shift]
@@ -374,7 +374,7 @@ class Part:
                     np.array([size, self.size(c.prototype, name)], float).tofile(out)
 
     def check(self, calls: list[Call], file: Path) -> None:
-        """Compare the harness's output with what was expected."""
+        """Compare the output of the harness with the expected results."""
         out, at = np.fromfile(file), 0
         highest = sum(len(self.manifest.get(n, ())) for n in ("links", "loops", "elements", "output_names"))
         for c in calls:

@@ -23,7 +23,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Werror")
 
 @dataclass(frozen=True)
 class Package:
-    """The text of a model, the options that it is generated with, and the builds that examine all its functions."""
+    """The text of a model, the options of its generation, and the builds that examine its functions."""
 
     name: str
     text: str
@@ -40,13 +40,13 @@ class Package:
 
     @property
     def missing(self) -> str:
-        """What this machine lacks to examine it in any way; nothing if there is a way."""
+        """What this machine lacks for every build; empty if one build works."""
         missing = [b.missing for b in (*self.builds, *self.warned)]
         return "; ".join(dict.fromkeys(missing)) if all(missing) else ""
 
 
 def examine(package: Package, folder: Path) -> list[str]:
-    """What is wrong with a package: nothing, one hopes."""
+    """The errors found in a package; empty if there are none."""
     codegen.generate(parse_model(package.text, package.name, EXAMPLES), folder, compile=False, **dict(package.options))
     complaints = []
     for i, part in enumerate(parts(folder)[: 1 + package.second]):
@@ -81,7 +81,7 @@ def warnings_of(part: Part, build: Build) -> list[str]:
 
 
 def run(part: Part, build: Build) -> str:
-    """Compile and run the harness; what was said if that failed."""
+    """Compile and run the harness; returns the error output if that failed."""
     states = f"{part.name}_states.c"
     sources = [f"{part.name}.c", *([states] if (part.folder / states).is_file() else []), str(HARNESS)]
     command = [build.compiler, *build.flags, "-g1", *WARNINGS, "-I.", *sources, "-o", "examined", "-lm"]

@@ -1,4 +1,4 @@
-"""What shares batches among threads, under the thread and the address sanitizer, with every warning, and as C++."""
+"""The code that shares batches among threads, under thread and address sanitizers, with all warnings, and as C++."""
 
 import subprocess
 from pathlib import Path

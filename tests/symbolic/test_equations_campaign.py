@@ -1,4 +1,4 @@
-"""Equations of random models in sympy, in every form, beside their solvers; the seeds are those of the parameters."""
+"""Equations of random models in sympy, in every form, against their solvers; seeds are the parameters of the tests."""
 
 import contextlib
 from pathlib import Path

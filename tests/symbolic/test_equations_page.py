@@ -1,4 +1,4 @@
-"""docs/equations.md: its code runs and prints what the page says."""
+"""docs/equations.md: its code runs and prints what the page shows."""
 
 import contextlib
 import io

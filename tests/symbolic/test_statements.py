@@ -1,4 +1,4 @@
-"""Statements in sympy: as many as the program has, each with a number and a tag, and they compute what the solver does."""
+"""Statements in sympy: their number equals the program's, each has a number and a tag, and they give the solver's results."""
 
 import re
 import xml.dom.minidom

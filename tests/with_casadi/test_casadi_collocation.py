@@ -1,4 +1,4 @@
-"""Optimal control by collocation: known optima, their derivatives by design parameters, design parameters as variables."""
+"""Optimal control by collocation: known optima, their derivatives with respect to design parameters, design variables."""
 
 import math
 from pathlib import Path

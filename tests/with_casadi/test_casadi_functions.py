@@ -1,4 +1,4 @@
-"""Functions of CasADi against the solver, and against CasADi's own derivatives of equations written by hand."""
+"""Functions of CasADi against the solver, and against CasADi's derivatives of equations written by hand."""
 
 import importlib
 import re

@@ -1,4 +1,4 @@
-"""The page on CasADi: its blocks run, and print what it shows."""
+"""The page on CasADi: its code runs and prints what the page shows."""
 
 import importlib
 

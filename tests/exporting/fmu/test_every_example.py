@@ -1,4 +1,4 @@
-"""FMUs of every example: valid in both versions; in the campaign, they move as the solver does."""
+"""FMUs of every example are valid in both versions; in the campaign, their motions are those of the solver."""
 
 from pathlib import Path
 

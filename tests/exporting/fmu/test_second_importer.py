@@ -1,4 +1,4 @@
-"""fmuloader, an independent binding of every function of both versions, simulates FMUs as the solver does."""
+"""fmuloader, an independent binding of every function of both versions, simulates FMUs with the solver's results."""
 
 import zipfile
 from pathlib import Path

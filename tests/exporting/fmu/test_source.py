@@ -1,4 +1,4 @@
-"""The source code in an FMU builds by the importer's own tools, and computes the same numbers."""
+"""The source code in an FMU can be built by the importer's own tools, and computes the same numbers."""
 
 import shutil
 from pathlib import Path

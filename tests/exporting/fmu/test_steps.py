@@ -1,4 +1,4 @@
-"""Steps of Co-Simulation of any size, instances side by side, and saved states of other instances and FMUs."""
+"""Steps of Co-Simulation of any size, several instances at once, and saved states of other instances and FMUs."""
 
 from ctypes import c_double, c_uint
 

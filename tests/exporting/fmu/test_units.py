@@ -1,4 +1,4 @@
-"""Exported FMUs in fmpy: they are valid, simulate as the solver does, and have its derivatives bit for bit."""
+"""Exported FMUs in fmpy are valid, simulate like the solver, and have the solver's derivatives bit for bit."""
 
 import re
 import zipfile

@@ -1,4 +1,4 @@
-"""Two small solvers, generated once: one that has everything, one that has next to nothing."""
+"""Two small solvers, generated once: one with every kind of argument and result, one with as few as possible."""
 
 from pathlib import Path
 from types import SimpleNamespace
@@ -109,13 +109,13 @@ def rig(rig_folder):
 
 @pytest.fixture(scope="session", params=["c", "numpy"])
 def either(request, rig_folder):
-    """The solver that has everything, on each target."""
+    """The solver with every kind of argument, for each target."""
     return codegen.load(rig_folder, request.param)
 
 
 @pytest.fixture(scope="session", params=["c", "numpy"])
 def either_bare(request, bare_folder):
-    """The solver that has next to nothing, on each target."""
+    """The solver with as few arguments as possible, for each target."""
     return codegen.load(bare_folder, request.param)
 
 
@@ -143,7 +143,7 @@ def draw(rng, solver, names, leads=None) -> dict:
 
 
 def flat(result) -> list:
-    """The arrays of a result, whatever tuples they are in."""
+    """The arrays of a result, taken out of its tuples."""
     if isinstance(result, tuple):
         return [a for part in result for a in flat(part)]
     if hasattr(result, "inputs"):  # Jacobians
@@ -153,5 +153,5 @@ def flat(result) -> list:
 
 @pytest.fixture(scope="session")
 def tools():
-    """What the tests of this folder share."""
+    """Functions that the tests in this folder share."""
     return SimpleNamespace(VALUES=VALUES, ALONG=ALONG, draw=draw, flat=flat, sizes=sizes, rig_model=parse_model(RIG))

@@ -1,4 +1,4 @@
-"""Shapes: batch axes broadcast by NumPy's rules, directions come first, any array that NumPy takes is taken."""
+"""Shapes: batch axes broadcast by NumPy's rules, directions come first, and any array that NumPy accepts is accepted."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Bad arguments: a ValueError that says which, what was seen, and what was expected."""
+"""Bad arguments: a ValueError that names the argument, the value seen, and the value expected."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Numbers of the run time's own: targets agree, assembly, closure, energies, outputs; threads and processes."""
+"""Results that the run time computes itself: agreement of targets, assembly, closure, energies, outputs; threads, processes."""
 
 import copy
 import math
