@@ -25,7 +25,7 @@ GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjo
 PASSING_ADJOINTS = "adjoints that links pass on"
 ADJOINT_VALUES, ADJOINT_TANGENTS, GROUND_TWICE = "adjoints of values", "tangents of adjoints", "the ground's adjoint"
 NO_TANGENTS, KEPT_ADJOINTS, RESTORED_ADJOINTS = "no tangents", "copy of the adjoints", "adjoints from their copy"
-GROUND_GRADIENT = "the gradient by gravity's parameters"
+GROUND_GRADIENT = "the gradient with respect to gravity's parameters"
 """Names of preparations outside of the sweeps: compute constants from parameters; compute sines and cosines; set the state of the
 ground, which accelerates by -g or, for the mass matrix, not at all; set memory of adjoints to zero before transposed sweeps."""
 

@@ -113,7 +113,7 @@ def test_derivatives_by_one_length_end_at_the_flat_pose(
     solver, together = build(TWO, **MOTION), build(TOGETHER, **MOTION)
     options = {"method": method, "rtol": tolerance, "atol": tolerance}
     times = [0.0, 0.5, 1.0, 2.0]
-    with pytest.warns(RuntimeWarning, match=r"^derivatives by c1, c2 do not exist after t = 0\.730"):
+    with pytest.warns(RuntimeWarning, match=r"^derivatives with respect to c1, c2 do not exist after t = 0\.730"):
         found = solver.simulate(times, sensitivities=("c1", "c2", "m", "u0.A", "g"), **options)
     assert np.isnan(found.dq[:2, 2:]).all() and np.isnan(found.du[:2, 2:]).all()
     assert np.isfinite(found.dq[:2, :2]).all() and np.isfinite(found.dq[2:]).all()
@@ -129,7 +129,7 @@ def test_derivatives_by_one_length_end_at_the_flat_pose(
 def test_gradients_say_so_both_ways(build: Callable[..., Any], way: str) -> None:
     solver, together = build(TWO, **MOTION), build(TOGETHER, **MOTION)
     wanted = [Final("x"), At("x", 0.3), Integral("x")]
-    with pytest.warns(RuntimeWarning, match="derivatives by c1, c2 do not exist"):
+    with pytest.warns(RuntimeWarning, match="derivatives with respect to c1, c2 do not exist"):
         found = solver.judge(2.0, wanted, wrt=("c1", "c2", "m", "u0.A"), method=way)
     assert np.isnan(found.gradients[[0, 2], :2]).all()
     assert np.isfinite(found.gradients[1]).all() and np.isfinite(found.gradients[:, 2:]).all()

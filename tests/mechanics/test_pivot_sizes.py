@@ -1,4 +1,4 @@
-"""The scale for pivots of links: the trees that it stops, although their articulated inertias alone look regular."""
+"""The scale to which pivots of links are compared: it detects joints that move no inertia, even if rounding hides them."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ def test_wrong_values(cart: Any, law: Any, message: str) -> None:
         ({"controller": len, "period": 0.1, "inputs": {"wind": 0.0, "force": 1.0}}, "no signal is left"),
         (
             {"controller": (len, len), "period": 0.1, "inputs": {"wind": 0.0}, "sensitivities": "inputs.force"},
-            "there is no derivative by an input",
+            "there is no derivative with respect to an input",
         ),
     ],
 )  # fmt: skip

@@ -72,9 +72,9 @@ def test_outputs_of_weight_zero_are_skipped_and_others_named(hertz: Solver) -> N
             found = hertz.output_gradients(q_of, 0 * q_of, weights=[1.0, 0.0, 0.0])
             np.testing.assert_array_equal(found.q, np.broadcast_to([[1.0, 0.0]], found.q.shape))
             assert not found.p.any()
-    with pytest.warns(RuntimeWarning, match=r"not finite: the derivative of root by q\.ball"):
+    with pytest.warns(RuntimeWarning, match=r"not finite: the derivative of root with respect to q\.ball"):
         hertz.output_gradients(q, u, weights=[0.0, 1.0, 0.0])
-    with pytest.warns(RuntimeWarning, match=r"at t = 0 s the derivative of root by q\.ball is not"):
+    with pytest.warns(RuntimeWarning, match=r"at t = 0 s the derivative of root with respect to q\.ball is not"):
         hertz.judge(0.01, At("root", 0.0), wrt=["q0.ball"], method="adjoint")
 
 

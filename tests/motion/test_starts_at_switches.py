@@ -135,7 +135,9 @@ def test_an_input_that_jumps_exactly_to_a_threshold(
         by_c, v_by_c = by_c + h * v_by_c + h * h / 2 * of_c, v_by_c + h * of_c
     np.testing.assert_allclose(run.q[-1], x, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(run.dq[0, -1], by_c, rtol=0.0, atol=1e-11)
-    assert np.isnan(run.dq[1, -1]).all() and any("derivatives of the motion by mu" in str(w.message) for w in said)
+    assert np.isnan(run.dq[1, -1]).all() and any(
+        "derivatives of the motion with respect to mu" in str(w.message) for w in said
+    )
 
 
 RAMPS = """
@@ -183,7 +185,7 @@ def test_an_input_that_reaches_a_threshold_at_a_knot(
             np.testing.assert_allclose(found.gradients[:, 1], [-1.0, -1.375], rtol=0.0, atol=1e-10)
         else:
             assert np.isnan(found.gradients[:, 1]).all()
-            assert any("derivatives of the motion by mu do not exist" in str(w.message) for w in said)
+            assert any("derivatives of the motion with respect to mu do not exist" in str(w.message) for w in said)
 
 
 SAMPLED = """
@@ -208,12 +210,13 @@ def test_results_at_the_time_of_a_switch_have_a_warning(made: Callable[..., Made
     names = ["t0", "b", "c"]
     for times in ([0.0, 0.5, 1.0], [0.0, 0.25, 0.5]):  # within the motion, and at its end
         with pytest.warns(
-            RuntimeWarning, match=r"at t = 0\.5 s, exactly where t >= t0 .* derivatives of results by t0 are"
+            RuntimeWarning,
+            match=r"at t = 0\.5 s, exactly where t >= t0 .* derivatives of results with respect to t0 are",
         ):
             run = solver.simulate(times, sensitivities=names, method=integrator)
         np.testing.assert_allclose(run.du[:, times.index(0.5)], [[0, 0, 0], [0, 0, 0], [0.5, 0.5, 0]], atol=1e-9)
     for way in ("forward", "adjoint"):
-        with pytest.warns(RuntimeWarning, match="derivatives of results by t0 are those of one side"):
+        with pytest.warns(RuntimeWarning, match="derivatives of results with respect to t0 are those of one side"):
             solver.judge(1.0, At("v", 0.5), wrt=names, method=way, integrator=integrator)
         with pytest.warns(RuntimeWarning, match=r"exactly where q\.moved >= b .* by b, c are"):
             solver.judge(math.sqrt(0.4), Final("w"), wrt=names, method=way, integrator=integrator)
@@ -244,7 +247,7 @@ outputs:
 def test_a_start_at_two_jumps_that_cancel(made: Callable[..., Made], method: str, adjoint: str) -> None:
     """If both are shifted, the force stays zero; if one is shifted, a force acts on the way between them."""
     solver: Any = made(parsed, TOGETHER).solver
-    with pytest.warns(RuntimeWarning, match="derivatives of the motion by [ab] do not exist and are NaN"):
+    with pytest.warns(RuntimeWarning, match="derivatives of the motion with respect to [ab] do not exist and are NaN"):
         found = solver.judge(
             0.5,
             [Final("x"), Final("work")],

@@ -236,7 +236,7 @@ def test_a_force_without_derivative_is_named(solver):
     }.items():
         _, (said,) = told(call)
         assert said.startswith(
-            f"odd: {name} is not finite: the derivative of the force on joint b by q.b is not finite (force drive:"
+            f"odd: {name} is not finite: the derivative of the force on joint b with respect to q.b is not finite (force drive:"
         )
 
 
@@ -278,9 +278,9 @@ def test_where_there_are_springs_the_reason_is_named_too(sprung, target):
         lambda: solver.accelerations(q, [1e170, 0.0]): "the motion of body a is too large for floats",
         lambda: solver.accelerations(q, u, [1e308], [2.0]): ") is not finite",
         lambda: solver.accelerations(q, u, inputs=[-1.0]): "the coefficients of spring coil are not finite",
-        lambda: solver.sensitivities(q, u, dinputs=[1.0]): "coefficients of spring coil by pull are not finite",
-        lambda: solver.energy_sensitivities(q, u, dinputs=[1.0]): "coefficients of spring coil by pull are not finite",
-        lambda: solver.jacobians(q, u): "the derivatives of the coefficients of spring coil by pull are not finite",
+        lambda: solver.sensitivities(q, u, dinputs=[1.0]): "coefficients of spring coil with respect to pull are not finite",
+        lambda: solver.energy_sensitivities(q, u, dinputs=[1.0]): "of spring coil with respect to pull are not finite",
+        lambda: solver.jacobians(q, u): "the derivatives of the coefficients of spring coil with respect to pull are not finite",
         lambda: solver.outputs(-q, u, inputs=[1.0]): "outputs of outputs is not finite: first, second",
         lambda: solver.output_sensitivities([0.3, -1.0], u, dq=q): "outputs of output_sensitivities is not finite: second",
     }.items():  # fmt: skip
@@ -294,7 +294,7 @@ def test_the_jacobians_of_a_batch_tell_the_state(sprung, target):
     q, u = np.array([0.3, 0.2]), np.zeros((2, 1, 2))
     J, (said,) = told(lambda: solver.jacobians(q, u, inputs=[[[1.0]], [[0.0]]]))
     assert said.endswith(
-        "in state [1, 0] of the batch: the derivatives of the coefficients of spring coil by pull are not finite"
+        "in state [1, 0] of the batch: the derivatives of the coefficients of spring coil with respect to pull are not finite"
     )
     np.testing.assert_array_equal(J.q[0, 0], solver.jacobians(q, u[0, 0], inputs=[1.0]).q)
     J, (said,) = told(lambda: solver.jacobians(q, u + 1e170, inputs=[1.0]))

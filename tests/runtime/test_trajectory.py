@@ -101,9 +101,12 @@ def test_derivatives_by_name_and_number():
         (lambda x: x.u_of("x"), "no series 'u.x'"),
         (lambda x: x.derivative("tip", "length"), "no series 'tip'"),
         (lambda x: x.derivative("t", "length"), "no series 't'"),
-        (lambda x: x.derivative("tip_0", "lenght"), "there are those by length, mass; did you mean 'length'?"),
-        (lambda x: x.derivative("tip_0", 2), "no derivative by 2"),
-        (lambda x: x.derivative("tip_0", -3), "no derivative by -3"),
+        (
+            lambda x: x.derivative("tip_0", "lenght"),
+            "there are those for length, mass; did you mean 'length'?",
+        ),
+        (lambda x: x.derivative("tip_0", 2), "no derivative with respect to 2"),
+        (lambda x: x.derivative("tip_0", -3), "no derivative with respect to -3"),
     ],
 )
 def test_unknown_names_are_told_with_the_nearest(ask, said):
@@ -211,7 +214,7 @@ def test_what_is_computed_when_it_is_asked_for():
 def test_what_it_shows():
     assert repr(make()).splitlines() == [
         "Trajectory of linkage: 51 times from 0 to 5 s",
-        "  2 coordinates, 2 speeds, 2 outputs, derivatives by length, mass",
+        "  2 coordinates, 2 speeds, 2 outputs, derivatives with respect to length, mass",
         "  dop853: 12 steps, 144 evaluations, 0.0123 s, ended: finished",
         "  total energy changes by 0 at most, loops are open by 5e-13 at most",
     ]
@@ -550,7 +553,7 @@ def labels(figure) -> list[str]:
 def test_outputs_with_their_derivatives(plotting):
     figure = make().plot()
     assert labels(figure) == [
-        "tip_0 (m)", "derivatives of tip_0 by", "tip_1 (N m s/rad)", "derivatives of tip_1 by"
+        "tip_0 (m)", "derivatives of tip_0 with respect to", "tip_1 (N m s/rad)", "derivatives of tip_1 with respect to"
     ]  # fmt: skip
     value, derivatives = figure.axes[:2]
     np.testing.assert_array_equal(value.lines[0].get_ydata(), make()["tip_0"])

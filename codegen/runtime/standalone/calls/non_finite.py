@@ -86,7 +86,7 @@ def outputs_without(
     found = []
     for i in among:
         by = [of[j] for j in np.flatnonzero(~np.isfinite(derivatives[:, i]))]
-        found += [f"the derivative of {names[i]} by {some(by)}"] if by else []
+        found += [f"the derivative of {names[i]} with respect to {some(by)}"] if by else []
     if found or certain:
         return some(found) if found else ""
     return some([names[i] for i in among])
@@ -192,15 +192,16 @@ def _first_infinite_along(package: Mapping[str, Any], a: Any) -> str:
     for i in _bad(getattr(a, "dtau", ())):
         joint = speeds[i].partition(".")[0]
         force = _force_on(package, speeds[i])
-        return f"the derivative of the force on joint {joint} by {by([a.dtau[i]])} is not finite ({force})"
+        return f"the derivative of the force on joint {joint} with respect to {by([a.dtau[i]])} is not finite ({force})"
     for array in ("coefficient", "drive"):
         tangents = getattr(a, f"d{array}", ())
         for i in _bad(tangents):
-            return f"the derivatives of the coefficients of {_element(package, array, i)} by {by([tangents[i]])} are not finite"
+            of_element = f"the derivatives of the coefficients of {_element(package, array, i)}"
+            return f"{of_element} with respect to {by([tangents[i]])} are not finite"
     for i in range(len(package["links"])):
         external = [x for m in (a.slots[i], a.lanes[i]) for n, x in m.items() if n.startswith("external_")]
         if _bad(external):
-            return f"the derivative of the force of {_elements_on(package, i)} by {by(external)} is not finite"
+            return f"the derivative of the force of {_elements_on(package, i)} with respect to {by(external)} is not finite"
     return ""
 
 

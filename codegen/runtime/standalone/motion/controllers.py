@@ -205,7 +205,9 @@ class Sampling:
                 directions.dinputs = np.zeros((k, *inputs.values.shape))
             self._seeds = directions.dinputs
             if self._seeds[:, :, self._places].any():
-                raise ValueError("sensitivities: there is no derivative by an input that the controller sets")
+                raise ValueError(
+                    "sensitivities: there is no derivative with respect to an input that the controller sets"
+                )
             if controller.jacobian is None:
                 warn(
                     "the controller has no Jacobian, so derivatives of the motion keep the controller's values fixed; give "

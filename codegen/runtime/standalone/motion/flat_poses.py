@@ -90,7 +90,7 @@ def what_is_lost(lost: Sequence[Lost], names: Sequence[str]) -> str:
     by = ", ".join(first)
     which = "such a parameter" if len(first) > 1 else "this parameter"
     return (
-        f"derivatives by {by} do not exist after t = {min(first.values()):.9g} s and are NaN: a loop loses rank there (for "
-        f"example, its links are in one line), and if {which} changes alone, the loop cannot be closed there, or it "
+        f"derivatives with respect to {by} do not exist after t = {min(first.values()):.9g} s and are NaN: a loop loses rank "
+        f"there (for example, its links are in one line), and if {which} changes alone, the loop cannot be closed there, or it "
         f"changes its branch. Use one parameter for lengths that must agree for the mechanism to pass"
     )

@@ -310,7 +310,7 @@ class FunctionalGradients(Simulation):
             if len(asked) and (reason := outputs_without(run.opened, state, asked.tolist(), along=True, certain=True)):
                 reason = f": at t = {state['t']:g} s {reason} is not finite"
                 break
-        warn(f"{self.name}: the gradients of judge by {by} are not finite{reason}")
+        warn(f"{self.name}: the gradients of judge with respect to {by} are not finite{reason}")
 
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]

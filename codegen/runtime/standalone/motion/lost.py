@@ -23,8 +23,8 @@ def why_lost(
     if why == SAMPLED:
         place = switch_words(segment.opened.manifest, which)
         return (
-            f"at t = {state['t']:.9g} s, exactly where {place} changes its branch, derivatives of results by {', '.join(names)} "
-            f"are those of one side if they jump there"
+            f"at t = {state['t']:.9g} s, exactly where {place} changes its branch, derivatives of results with respect to "
+            f"{', '.join(names)} are those of one side if they jump there"
         )
     if why == RESTS:
         place = switch_words(segment.opened.manifest, which)
@@ -47,7 +47,9 @@ def why_lost(
         found = culprit(segment.opened, state, along=True)
         reason = f"derivatives of the rates are not finite{f': {found}' if found else ''}"
     lost = "do not exist and are NaN" if why in (RESTS, BEGINS, BENDS) else "may not exist and are NaN"
-    return f"from t = {state['t']:.9g} s on, derivatives of the motion by {', '.join(names)} {lost}: {reason}"
+    return (
+        f"from t = {state['t']:.9g} s on, derivatives of the motion with respect to {', '.join(names)} {lost}: {reason}"
+    )
 
 
 def lost_names(derivatives: Array, known: set[str], names: Sequence[str]) -> list[str]:

@@ -100,7 +100,9 @@ def _in_order(names: list[str]) -> tuple[str, ...]:
     for name in names:
         if name not in JACOBIANS:
             hint = nearest(name, JACOBIANS, cutoff=0.4)
-            raise ValueError(f"wrt: udot has no derivative by {name!r}{hint}; allowed are {', '.join(JACOBIANS)}")
+            raise ValueError(
+                f"wrt: udot has no derivative with respect to {name!r}{hint}; allowed are {', '.join(JACOBIANS)}"
+            )
     if not names:
         raise ValueError(f"wrt is empty; allowed are {', '.join(JACOBIANS)}; leave it out for all")
     return tuple(n for n in JACOBIANS if n in names)

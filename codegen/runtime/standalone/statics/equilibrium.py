@@ -90,7 +90,7 @@ class Equilibrium:
             most = [self.coordinate_names[int(np.argmax(np.abs(row)))] for row in self.neutral]
             text += f", {len(most)} neutral direction{'s' * (len(most) > 1)} ({', '.join(most)} most)"
         if self.names:
-            text += f", derivatives by {', '.join(self.names)}"
+            text += f", derivatives with respect to {', '.join(self.names)}"
         how = " after relaxation" if self.relaxed else ""
         steps = f"{self.iterations} step{'s' * (self.iterations != 1)}{how}"
         values = ", ".join(f"{n}={x:.6g}" for n, x in zip(self.coordinate_names[:12], self.q, strict=False))

@@ -155,7 +155,7 @@ def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> 
         (_labelled(by + (f" × {10.0**e:g}" if e else ""), unit), unit, values * 10.0**e)
         for (by, unit, values), e in zip(several, exponents, strict=True)
     ]
-    _curves(place, t, scaled, f"derivatives of {name} by")
+    _curves(place, t, scaled, f"derivatives of {name} with respect to")
     place.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False, handlelength=3.2)
 
 

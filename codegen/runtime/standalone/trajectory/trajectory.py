@@ -338,10 +338,12 @@ class Trajectory:
             return by % len(known)
         if not known:
             raise UnknownNameError(
-                f"no derivative by {by!r}: the simulation has none; ask for them, such as by "
+                f"no derivative with respect to {by!r}: the simulation has none; ask for them, such as by "
                 f"simulate(..., sensitivities=({str(by)!r},))"
             )
-        raise UnknownNameError(f"no derivative by {by!r}; there are those by {some(known)}{nearest(by, known)}")
+        raise UnknownNameError(
+            f"no derivative with respect to {by!r}; there are those for {some(known)}{nearest(by, known)}"
+        )
 
     def _unknown(self, name: str) -> str:
         """The message for the name of a series that does not exist."""
@@ -449,7 +451,7 @@ class Trajectory:
             if names or noun != "output"
         ]
         if self.sensitivity_names:
-            holds.append(f"derivatives by {some(self.sensitivity_names)}")
+            holds.append(f"derivatives with respect to {some(self.sensitivity_names)}")
         lines = [f"Trajectory of {self.model}: {counted(len(self), 'time')}{interval}", f"  {', '.join(holds)}"]
         counts = [f"{self.stats[word]} {word}" for word in ("steps", "evaluations") if word in self.stats]
         if "seconds" in self.stats:
