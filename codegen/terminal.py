@@ -182,7 +182,7 @@ _shown = threading.Lock()
 
 @contextlib.contextmanager
 def shown() -> Iterator[StatusLine | None]:
-    """A status line for a call from Python; None where nobody watches, and within a call that shows one already."""
+    """A status line for a call from Python; None if no person would see it, and within a call that shows one already."""
     if not is_watched(sys.stderr) or not _shown.acquire(blocking=False):
         yield None
         return

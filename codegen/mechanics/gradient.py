@@ -133,8 +133,8 @@ class _Unit:
     def run(
         self, name: str, title: str, parts: list[Block], propagated: _Propagated | None, first: bool = False
     ) -> Block:
-        """One block that joins several; with `first`, it runs before units that contribute to the lanes of its
-        links."""
+        """The blocks `parts` joined to one; with `first`, it runs before any other unit adds to the lanes of its links, so
+        it assigns its contributions."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:

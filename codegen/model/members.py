@@ -128,7 +128,7 @@ class Loop:
 
     @property
     def is_coupling(self) -> bool:
-        """Whether it is a coupling, which relates coordinates and has no faces."""
+        """Whether the loop is a coupling, which relates coordinates and has no faces."""
         return False
 
     @property
@@ -179,7 +179,7 @@ class Coupling(Loop):
 
     @property
     def is_coupling(self) -> bool:
-        """Always True: a coupling is one."""
+        """True for every coupling."""
         return True
 
 

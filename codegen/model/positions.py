@@ -233,7 +233,7 @@ _BEGUN = (
     ("directive", "a line that begins with % is not allowed in a model file; remove it"),
     ("a tag", "a value that begins with ! is not allowed in a model file; a text needs quotes"),
 )
-"""The same for parts that are wrong where they begin."""
+"""Words in libyaml's error and a message; the message is about the beginning of the wrong part."""
 
 _HERE = (
     (
@@ -246,11 +246,11 @@ _HERE = (
     ("document start", "the document has ended above this line, at ...; a model file has only one document"),
     ("incompatible", "a line that begins with % is not allowed in a model file; remove it"),
 )
-"""The same for what is not allowed at its place."""
+"""Words in libyaml's error and a message; the message is about the place where libyaml stopped."""
 
 
 def _fault(error: Any, text: str) -> tuple[Any, str]:
-    """The place and the words for an error of libyaml, whose own words are those of its grammar."""
+    """The place of an error of libyaml, and a message without libyaml's grammatical terms."""
     context, problem = error.context or "", error.problem or ""
     here, begun = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
     character = text[here.index : here.index + 1] if here else ""

@@ -74,7 +74,7 @@ class LoopJointEntry(Entry):
 
 
 def _in_role(kind: type[Entry], name: str, role: type[Entry]) -> type[Entry]:
-    """The entry of a type of joint or condition, under one of its names, for a body or for a loop."""
+    """The entry class of a joint or condition type under one of its names, for the role of a body's joint or of a loop."""
     tag: Any = Literal[name]
     return create_model(f"{kind.__name__}{role.__name__}", __base__=(kind, role), type=(tag, ...))
 
@@ -216,7 +216,7 @@ class ParameterEntry(Entry):
 
 
 class SubmodelEntry(PlacedEntry):
-    """A further use of a file, and the place of its ground."""
+    """A submodel: the model file that it uses, and the place of the file's ground."""
 
     placeholders: ClassVar[dict[str, Any]] = {"use": ""}
 
@@ -270,7 +270,7 @@ ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not mea
 
 
 def _keys_of_outputs() -> dict[str, Any]:
-    """The keys of all outputs. The order: each output, then the keys of which it is the last user."""
+    """The keys of all outputs, output by output; a key that several outputs have follows the last of them."""
     keys: dict[str, Any] = {}
     for measure in _KEYED:
         for key, value in measure.keys.items():

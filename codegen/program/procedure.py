@@ -55,7 +55,7 @@ class Array:
         return replace(self, name=name or f"d{self.name}", lanes=True)
 
     def called(self, name: str) -> Array:
-        """Another array of the same shape."""
+        """An array of the same shape with another name."""
         return replace(self, name=name)
 
 
@@ -216,7 +216,7 @@ class Perform:
 
 @dataclass(frozen=True, slots=True)
 class Single:
-    """Run sweeps over directions with a single direction, to compute a value; they run over the seeds' directions later.
+    """Compute a value by sweeps over directions with one direction only; later steps run these sweeps over the seeds' directions.
 
     Attributes
     ----------

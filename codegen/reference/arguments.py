@@ -26,7 +26,8 @@ INCONSISTENT = 1e-6
 """A warning reports the residual of a redundant condition if it exceeds this fraction of the speeds or seeds."""
 
 ALLOWED = 10.0
-"""The same limit for a dropped condition, relative to the speeds or seeds, in multiples of the model's tolerance."""
+"""A warning reports the residual of a dropped condition if it exceeds the speeds or seeds times the model's tolerance
+times this number."""
 
 SMALLEST_QUATERNION = 1e-6
 """Smallest norm of a quaternion that defines a rotation accurately."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Skipped:
-    """A measurement that was left out.
+    """A measurement that was left out, and the reason.
 
     Attributes
     ----------

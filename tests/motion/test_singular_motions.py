@@ -81,12 +81,15 @@ def test_outputs_of_weight_zero_are_skipped_and_others_named(hertz: Solver) -> N
 FORCES = {
     "on joint a": (
         "{type: joint, joint: a, value: sqrt(q.a)*k}",
-        r"the force on joint a by q\.a is not finite \(force law: ",
+        r"the force on joint a with respect to q\.a is not finite \(force law: ",
     ),
-    "on a body": ("{type: force, on: b, value: [k*sqrt(velocity.b.x), 0, 0]}", r"body b \(force law: on b; .* by "),
+    "on a body": (
+        "{type: force, on: b, value: [k*sqrt(velocity.b.x), 0, 0]}",
+        r"body b \(force law: on b; .* with respect to ",
+    ),
     "a spring": (
         "{type: spring, from: ground, to: b, stiffness: k*sqrt(t)}",
-        "the coefficients of spring law by t are not",
+        "the coefficients of spring law with respect to t are not",
     ),
 }
 

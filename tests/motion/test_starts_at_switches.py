@@ -218,7 +218,7 @@ def test_results_at_the_time_of_a_switch_have_a_warning(made: Callable[..., Made
     for way in ("forward", "adjoint"):
         with pytest.warns(RuntimeWarning, match="derivatives of results with respect to t0 are those of one side"):
             solver.judge(1.0, At("v", 0.5), wrt=names, method=way, integrator=integrator)
-        with pytest.warns(RuntimeWarning, match=r"exactly where q\.moved >= b .* by b, c are"):
+        with pytest.warns(RuntimeWarning, match=r"exactly where q\.moved >= b .* with respect to b, c are"):
             solver.judge(math.sqrt(0.4), Final("w"), wrt=names, method=way, integrator=integrator)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -130,7 +130,7 @@ def test_results_within_the_errors_of_a_switch(made: Callable[..., Made], integr
     options: dict[str, Any] = {"method": way, "integrator": integrator, "rtol": 1e-6, "atol": 1e-6}
     for after in (0.0, 1e-7, -1e-7, 2e-6, -2e-6):
         at = solver.simulate([0.0, 0.2 + after], rtol=1e-13, atol=1e-13)
-        with pytest.warns(RuntimeWarning, match=r"where a >= q\.y .* by a.* are those of one side"):
+        with pytest.warns(RuntimeWarning, match=r"where a >= q\.y .* with respect to a.* are those of one side"):
             solver.judge(0.2, Final("y"), p={"a": at.q[-1, 1]}, wrt=NAMES, **options)
     at = solver.simulate([0.0, 0.2], rtol=1e-13, atol=1e-13)
     for end in (0.2 - 1e-4, 0.2 + 1e-4):

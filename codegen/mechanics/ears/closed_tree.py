@@ -40,7 +40,7 @@ class GroundGeometry(EarGeometry):
             self.members.append(Member(view, link, joint, [], [0, 0, 0], [0, 0, 0], freedoms, kind.parents[k]))
 
     def record(self, place: int) -> Store:
-        """The record of a link, or of a root at a negative position."""
+        """The record of link number `place` or, if `place` is negative, of root number -1 - `place`."""
         return ME[place] if place >= 0 else self.roots[-1 - place].record
 
     def attitude(self, place: int) -> Matrix:

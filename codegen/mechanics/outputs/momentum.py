@@ -33,7 +33,7 @@ def about_center(output: Output) -> bool:
 
 
 def sums(output: Output) -> tuple[str, ...]:
-    """The sums over links that the output reads: those of masses only for momentum about the centre of mass."""
+    """The sums over links that the output reads; momentum about the centre of mass also reads the sums of masses."""
     return ("masses",) if about_center(output) else ()
 
 

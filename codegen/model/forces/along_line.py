@@ -39,7 +39,7 @@ class AlongLine(ForceElement):
 
 
 class AlongLineEntry(ForceEntry):
-    """Entry of such an element; each law has a subclass with its coefficients as fields."""
+    """Entry of a force along a line; each law has a subclass with its coefficients as fields."""
 
     element: ClassVar[type[AlongLine]]
 

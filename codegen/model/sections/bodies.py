@@ -228,7 +228,7 @@ class _PartsReader:
         self._parts: dict[tuple[Any, ...], _Parts] = {}
 
     def of(self, spec: BodyEntry, at: Instance) -> _Parts:
-        """Joint, mass properties, and whether they are valid; the same objects if all expressions are equal."""
+        """Joint and mass properties of a body, and whether they are valid; bodies with equal expressions share the objects."""
         reader = self.reader
         before = reader.errors
         plan = self._plans.get((id(spec), id(at.part)))

@@ -41,7 +41,7 @@ class Joints(dict[str, JointOf]):
     def named(
         self, reader: Reader, at: Instance, sub: Path_, name: str, what: str, key: bool = False
     ) -> tuple[str, JointOf] | None:
-        """The joint of a coordinate, or of all of its coordinates; it must not have a quaternion.
+        """The joint that has the named coordinate, or the named joint; an error is reported if it has a quaternion.
 
         Parameters
         ----------

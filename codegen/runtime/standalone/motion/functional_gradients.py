@@ -212,7 +212,7 @@ class FunctionalGradients(Simulation):
         return Judged(values, gradients, directions.names, "adjoint", counts, products)
 
     def _crossed(self, c: Crossing) -> Crossed:
-        """An event as second derivatives need it; refuses jumps over the level."""
+        """The data of an event that second derivatives need; raises ValueError if its output jumps over the level."""
         if c.pace < 0.0:
             raise ValueError(
                 f"hessian: {c.event.output} jumps over the level {c.event.level:g} of an event at t = {c.t:.9g} s, but hessian "

@@ -167,7 +167,7 @@ class _Tangents:
         self.changed = np.zeros(0)  # all coordinates and speeds at the end, if the independent ones change there
 
     def forwards(self, memory: int) -> None:
-        """Repeats the steps with tangents; keeps those of all stages if they fit into `memory` bytes."""
+        """Repeats the steps with tangents; keeps the tangents of all stages if they fit into `memory` bytes."""
         segment, times = self.segment, self.times
         head = int(self.library.ordernm_head_size(self.plain))
         given = zip(segment.steps, segment.heads, strict=True)
