@@ -200,7 +200,9 @@ def test_a_switch_and_a_knot_within_the_errors(
     start = float(at.u[-1, 0] if "u.x" in force else at.q[-1, 0])
     options: dict[str, Any] = {"inputs": HELD, "wrt": ["c", "f", "u0.x"], "method": way, "integrator": integrator}
     for later in (0.0, 1e-12, -1e-12, 1e-10, -1e-10):
-        with pytest.warns(RuntimeWarning, match=r"by c, .*u0\.x do not exist and are NaN: the motion reaches"):
+        with pytest.warns(
+            RuntimeWarning, match=r"with respect to c, .*u0\.x do not exist and are NaN: the motion reaches"
+        ):
             found = solver.judge(0.4, Final("w"), p={"c": start + later}, **options).gradients
         assert np.isnan(found[0, [0, 2]]).all()
     for later in (1e-5, -1e-5):

@@ -72,7 +72,10 @@ def rates(w: Shared) -> list[Procedure]:
     along = w.along if w.loops else run("turns")
     return w.pair(
         ("coordinate_rates", "coordinate_rate_sensitivities"),
-        ("Time derivatives of the coordinates (Eq. 1).", "Their total derivative along seeds."),
+        (
+            "Time derivatives of the coordinates (Eq. 1).",
+            "Time derivatives of the coordinates and their total derivative along seeds.",
+        ),
         ["q", "u", *(w.p if w.loops else [])],
         ["qdot"],
         (*begin, *run("rates")),

@@ -29,7 +29,7 @@ def frames_of(w: Shared) -> list[Procedure]:
             ("frame_accelerations", "frame_acceleration_sensitivities"),
             (
                 "Accelerations of the frames of all bodies, along the ground's axes: angular acceleration, acceleration.",
-                "These accelerations and their total derivative along seeds.",
+                "Accelerations of the frames of all bodies and their total derivative along seeds.",
             ),
             w.state,
             ["frame_accelerations"],

@@ -126,7 +126,7 @@ def inverse_dynamics(w: Shared) -> list[Procedure]:
         ("inverse_dynamics", "inverse_dynamics_sensitivities"),
         (
             "Joint forces that udot requires in addition to the model's own.",
-            "These joint forces and their total derivative along seeds.",
+            "The joint forces of the inverse dynamics and their total derivative along seeds.",
         ),
         ["q", "u", "udot", *w.rest],
         ["force"],

@@ -183,8 +183,8 @@ class Follower:
         return Followed(all_of.q, s, all_of.rank, crossed, stopped)
 
     def _step(self, at: _Going, h: Array, line: Line) -> tuple[_Going, Array, NDArray[np.bool_]]:
-        """Steps by fractions h of the lines: new states, errors relative to the tolerance, and which loops may have lost
-        rank."""
+        """One step along each line, by the fraction h of its length: new states, errors relative to the tolerance, and which
+        loops may have lost rank."""
         s, aim = np.where(h >= 1.0 - at.s, 1.0, at.s + h), self._aim(at.q, at.s, line)
         q, closed = self._closed(at.q + h[:, None] * at.tangent, line, s)
         tangent, rank, error = np.full_like(q, np.nan), at.rank.copy(), np.full(len(q), np.inf)
