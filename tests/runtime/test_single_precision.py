@@ -184,7 +184,7 @@ def test_members_return_the_scalar_type_and_the_same_numbers(pair, name, count):
 
 
 def test_arguments_in_double_precision_and_results_in_place(pair):
-    single, double = pair("arm")
+    single, double = pair("four_bar")
     q, u, _ = states(double, 2, 5)
     out = np.empty(single.nu, np.float32)
     assert single.accelerations(q[0], u[0], out=out) is out
@@ -196,8 +196,9 @@ def test_arguments_in_double_precision_and_results_in_place(pair):
 
 
 def test_motions_and_fine_tolerances_are_refused(pair):
-    single, _ = pair("arm")
-    for call in (lambda: single.simulate(1.0), lambda: single.judge(1.0, [codegen.runtime.Final("tool_x")])):
+    single, _ = pair("four_bar")
+    wanted = codegen.runtime.Final(single.output_names[0])
+    for call in (lambda: single.simulate(1.0), lambda: single.judge(1.0, [wanted])):
         with pytest.raises((AttributeError, ValueError), match=r"--scalar float32: it evaluates .* --scalar float64"):
             call()
     with pytest.raises(ValueError, match=r"equilibrium: tolerance is 1e-12.*rounded to 1.2e-07.*use 1.2e-06 or more"):
