@@ -43,7 +43,7 @@ WRONG = MODEL.replace("mass: 1", "mas: 1").replace("revolute", "revolving")
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """A working directory with a model in it."""
+    """A working directory that contains a model."""
     monkeypatch.chdir(tmp_path)
     Path("rod.yaml").write_text(MODEL)
     return tmp_path
@@ -54,7 +54,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def shell(*arguments: object, cwd: Path, **environment: str) -> subprocess.CompletedProcess:
-    """``python -m codegen`` in a process of its own."""
+    """Run ``python -m codegen`` in a new process."""
     env = {**os.environ, "PYTHONPATH": str(Path(codegen.__file__).parents[1]), **environment}
     command = [sys.executable, "-m", "codegen", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)

@@ -49,7 +49,7 @@ REAL = Solver.simulate
 
 
 class StandIn:
-    """`Solver.simulate` with the signature of the real one, and what happens in it on the way."""
+    """A substitute for `Solver.simulate` with the same signature, which tests can interrupt."""
 
     def __init__(self):
         self.calls = []
@@ -133,7 +133,7 @@ def run(*arguments: object) -> int:
 
 
 def one_line(capsys) -> str:
-    """The line on stderr; that which refers to docs/errors.md may follow."""
+    """The only line on stderr; a line that refers to docs/errors.md may follow."""
     out, err = capsys.readouterr()
     err = re.sub(r"^See docs/errors\.md#[a-z-]+\n\Z", "", err, flags=re.MULTILINE)
     assert not out and err.count("\n") == 1 and err.startswith("simulate: ") and "Traceback" not in err

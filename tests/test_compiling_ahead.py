@@ -17,7 +17,7 @@ PENDULUM = Path(__file__).parents[1] / "examples" / "pendulum.yaml"
 
 @pytest.fixture
 def room(tmp_path, monkeypatch):
-    """Flags of users, and a place for copies of this test's own."""
+    """A user's compiler flags, and a folder for the copies of this test."""
     monkeypatch.delenv("ORDERNM_CFLAGS")
     monkeypatch.setenv("TMPDIR", str(tmp_path / "room"))
     (tmp_path / "room").mkdir()
@@ -28,7 +28,7 @@ def room(tmp_path, monkeypatch):
 
 @pytest.fixture
 def compiled(monkeypatch):
-    """Folders whose C has been compiled for what most calls need."""
+    """Folders in which the C code of common calls has been compiled."""
     folders = []
     compile_ = Build._compile
 
@@ -41,7 +41,7 @@ def compiled(monkeypatch):
 
 
 def compiler(path, text):
-    """A compiler that is a script."""
+    """A script that acts as the compiler."""
     path.write_text(f"#!/bin/sh\n{text}\n")
     path.chmod(path.stat().st_mode | stat.S_IXUSR)
     return str(path)

@@ -83,7 +83,7 @@ def members(name: str) -> Iterator[str]:
 
 
 def named(name: str) -> Any:
-    """An object by the name of its module and its own."""
+    """An object by its module and name."""
     module, _, rest = name.rpartition(".")
     try:
         return getattr(importlib.import_module(module), rest)

@@ -24,7 +24,7 @@ SMOOTH = pytest.mark.parametrize("e", [e for e in TABLE.values() if e.rounds or 
 
 
 def points(e, seed, count=5):
-    """Arguments within the domain, beside kinks and jumps."""
+    """Arguments within the domain, away from kinks and jumps."""
     rng = random.Random(f"{e.name} {seed}")
     low, high = e.domain or (-2.5, 2.5)
     return [[rng.uniform(max(low, -2.5) + 1e-3, min(high, 2.5) - 1e-3) for _ in e.slopes] for _ in range(count)]

@@ -18,7 +18,7 @@ ROOT = Path(codegen.__file__).parents[1]
 
 
 def package(version: int) -> dict[str, str]:
-    """Files that `refuse_foreign` takes for a package."""
+    """Files that `refuse_foreign` accepts as a package."""
     files = {f"{name}.c": f"/* {version} */\n" for name in ("part_0", "part_1", "_runtime/room/part_2")}
     manifest = {"generator": "ordernm", "name": "part", "files": [*files, "model.json"], "version": version}
     return files | {"model.json": json.dumps(manifest)}

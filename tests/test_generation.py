@@ -60,7 +60,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def written(model, tmp_path_factory) -> Path:
-    """A package without a compiled library; not to be changed."""
+    """A package without a compiled library; tests must not change it."""
     return generate(model, tmp_path_factory.mktemp("out") / "rod", compile=False).folder
 
 
@@ -105,7 +105,7 @@ def test_same_bytes_under_other_hash_seeds_and_folders(written, tmp_path, seed):
 
 
 def carried(folder: Path) -> set[str]:
-    """Modules of the run time in a package, with their rooms."""
+    """Modules of the run time in a package, with their folders."""
     return modules(folder / "_runtime")
 
 
@@ -444,7 +444,7 @@ def test_without_compiler_there_is_a_remark_and_numpy_checks(model, tmp_path, mo
 
 
 def renew_digest(file):
-    """Make the manifest of a package take a changed file for what generate wrote."""
+    """Update the manifest of a package after a change of a file, as if `generate` had written it."""
     manifest = json.loads((file.parent / "model.json").read_text())
     del manifest["seal"]
     manifest["digests"][file.name] = file_digest(file.read_bytes())

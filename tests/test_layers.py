@@ -155,7 +155,7 @@ def seen(source: str) -> Seen:
 
 
 def _dotted(node: ast.expr) -> str:
-    """A name with dots; where something else than a name stands before a dot, that is left out."""
+    """A dotted name; text before a dot that is not a name is left out."""
     if isinstance(node, ast.Attribute):
         return f"{_dotted(node.value)}.{node.attr}"
     return node.id if isinstance(node, ast.Name) else ""
@@ -174,12 +174,12 @@ def imports(source: str, path: Path) -> Iterator[tuple[int, str]]:
 
 
 def lines_of_functions(source: str) -> set[int]:
-    """Lines that run when something is called, not when the module is imported."""
+    """Lines that run when a function is called, not when the module is imported."""
     return seen(source).lines_of_functions
 
 
 def faults(source: str, path: Path) -> list[str]:
-    """Imports that climb."""
+    """Imports of higher layers."""
     floor, found = _floor(path), []
     for line, name in imports(source, path):
         parts = name.split(".")
@@ -228,7 +228,7 @@ def graph(sources: dict[Path, str]) -> Graph:
 
 
 def reached(modules: Graph, start: str) -> set[str]:
-    """What a module imports, with all that is imported in turn."""
+    """The modules that a module imports, directly or through others."""
     found, left = set(), {start}
     while left:
         left = set().union(*(modules[m] for m in left)) - found
@@ -237,7 +237,7 @@ def reached(modules: Graph, start: str) -> set[str]:
 
 
 def circles(modules: Graph) -> list[str]:
-    """Imports on circles, as ``a -> b``."""
+    """Circular imports, as ``a -> b``."""
     beyond = {m: reached(modules, m) for m in modules}
     return sorted(f"{a} -> {b}" for a, several in modules.items() for b in several if a in beyond[b])
 

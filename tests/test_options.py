@@ -161,7 +161,7 @@ def test_every_option_is_in_this_file():
 
 @pytest.fixture
 def recorded(tmp_path, monkeypatch):
-    """Calls of what commands do, which are replaced; nothing is generated, moved or measured."""
+    """Replaces the work of commands by a record of their calls, so that nothing is generated, simulated or measured."""
     calls = []
 
     def keep(name, result=None):

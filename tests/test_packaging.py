@@ -39,7 +39,7 @@ print(json.dumps({"present": absent, "target": solver.target, "udot": udot.tolis
 
 
 def run(*command: object, cwd: Path, home: Path) -> subprocess.CompletedProcess:
-    """Run in an environment that knows nothing of the checkout."""
+    """Run a command in an environment without access to the checkout."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "PYTEST", "VIRTUAL_ENV"))}
     environment |= {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
     return subprocess.run(
@@ -56,7 +56,7 @@ def make_environment(folder: Path) -> tuple[Path, Path]:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """The wheel, built from the source distribution as an index would get it."""
+    """The wheel, built from the source distribution like a published one."""
     pytest.importorskip("build")
     folder = tmp_path_factory.mktemp("dist")
     isolation = ["--no-isolation"] if importlib.util.find_spec("hatchling") else []
@@ -74,7 +74,7 @@ def wheel(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def generated(wheel, tmp_path_factory):
-    """A folder far from the checkout in which the installed `generate` has run."""
+    """A folder outside the checkout in which the installed `generate` has run."""
     place = tmp_path_factory.mktemp("elsewhere")
     python, packages = make_environment(place / "environment")
     known = [p for p in sys.path if Path(p).name in {"site-packages", "dist-packages"}]

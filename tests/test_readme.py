@@ -18,7 +18,7 @@ API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
 @pytest.fixture(scope="module")
 def readme(tmp_path_factory):
-    """README, whose blocks have run."""
+    """README.md, after its code blocks have run."""
     return follow("README.md", tmp_path_factory.mktemp("readme"))
 
 

@@ -17,7 +17,7 @@ REASON = re.compile(r"^(\s*)# long: \S", re.MULTILINE)
 
 
 def long_parts(source: str) -> list[str]:
-    """What is long in a file without saying why: names of functions with those of their classes, and "" for the file."""
+    """The long parts of a file without a stated reason: functions by name, and "" for the file."""
     lines = source.splitlines()
     found = []
     if len(lines) > FILE and not any(not m[1] for m in REASON.finditer(source)):

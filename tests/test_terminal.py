@@ -53,7 +53,7 @@ def environment(**more: str) -> dict[str, str]:
 
 
 def on_a_terminal(cwd: Path, *arguments: object, columns: int = 80, **more: str) -> tuple[int, str]:
-    """Exit code of the command on a terminal so wide, and all that it wrote there."""
+    """Exit code of the command on a terminal of a given width, and its whole output."""
     ours, theirs = pty.openpty()
     fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
     command = [sys.executable, "-c", AT_ONCE, *map(str, arguments)]
@@ -70,7 +70,7 @@ def on_a_terminal(cwd: Path, *arguments: object, columns: int = 80, **more: str)
 
 
 def screen(text: str) -> list[str]:
-    """What is to be seen in the end: carriage returns, erased lines, and the cursor moved up."""
+    """The text on the screen at the end, after carriage returns, erased lines and cursor movements."""
     lines, row, column = [""], 0, 0
     for token in re.findall(r"\x1b\[[0-9;?]*[A-Za-z]|[\s\S]", text):
         if token == "\r":
@@ -90,7 +90,7 @@ def screen(text: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory):
-    """A run on a terminal of 80 columns."""
+    """The output of a run on a terminal with 80 columns."""
     place = tmp_path_factory.mktemp("terminal")
     return place, *on_a_terminal(place, "generate", MODEL, "-o", "out", "--target", "numpy")
 

@@ -129,7 +129,7 @@ class Made(NamedTuple):
 
 @cache
 def made(more: str, **options: Any) -> Made:
-    """What is generated: code, everything that the manifest names, files."""
+    """The generated output: code, everything that the manifest names, files."""
     source = write_solver(parse_model(PLAIN + more), **options)
     code = "\n".join(text for _, text in sorted(source.files.items()))
     manifest = json.loads(json.dumps(source.manifest))

@@ -46,7 +46,7 @@ def run(*arguments):
 
 
 def results(folder):
-    """A small result of the benchmark, in a file that the command has written."""
+    """A small benchmark result in a file that the command has written."""
     file = folder / "earlier.json"
     machine = dict.fromkeys(
         ("processor", "instructions", "compiler", "flags", "system", "python", "numpy", "ordernm"), "x"
@@ -57,7 +57,7 @@ def results(folder):
 
 @pytest.fixture
 def foreign(here):
-    """Files of a user's under the names that commands write."""
+    """A user's files under the names that commands write."""
     Path("report/figures").mkdir(parents=True)
     for name in ("report.md", "index.html", "figures/times.svg", "figures/mine.svg"):
         Path("report", name).write_text("mine")

@@ -17,7 +17,7 @@ from codegen.runtime import NoCompilerError
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """What one quick run of a motion and of a family prints, its JSON and its page."""
+    """The printed lines, the JSON and the page of one quick run of a motion and a family."""
     folder = tmp_path_factory.mktemp("run")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ORDERNM_CFLAGS", "-O0")

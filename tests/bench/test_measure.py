@@ -37,7 +37,7 @@ def test_rounds_keep_the_least_of_their_turns_and_compare_at_the_same_moments():
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory):
-    """CHAIN(3), its functions, the engine's numbers along two directions, and a place to compile."""
+    """CHAIN(3): its functions, the engine's results along two directions, and a workshop for compilation."""
     m = models.sized("CHAIN", 3)
     dq, du, dp = models.seeds(3, 2)
     exact = RecursiveEngine(m.model).sensitivities(m.q, m.u, dq=dq, du=du, dp=dp)

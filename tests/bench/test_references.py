@@ -112,7 +112,7 @@ def test_the_chain_in_motion_is_where_scipy_finds_it():
 
 
 def against_the_engine(evaluation, directions):
-    """The largest difference of a reference from the generic engine's, both in 40 digits."""
+    """The largest difference between a reference and the generic engine, both in 40 digits."""
     engine = RecursiveEngine(parse_model(evaluation.text, "model"), numbers="mpmath")
     with mpmath.workdps(40):
         seeds = {"dq": evaluation.dq, "du": evaluation.du, "dp": evaluation.dp}

@@ -217,7 +217,7 @@ def test_what_is_wrong_with_a_coupling_is_told_of_a_coupling(made) -> None:
 
 
 def reduced(tree: codegen.Solver, S: np.ndarray, q, u, p, inputs, t) -> np.ndarray:
-    """Accelerations of a tree whose speeds are S times fewer ones: ``S (S^T M S)^-1 S^T (tau - bias)``."""
+    """Accelerations of a tree with speeds u = S s: ``S (S^T M S)^-1 S^T (tau - bias)``."""
     M, bias = tree.mass_matrix(q, p), tree.inverse_dynamics(q, u, np.zeros(tree.nu), p, inputs, t)
     return S @ np.linalg.solve(S.T @ M @ S, -S.T @ bias)
 

@@ -30,7 +30,7 @@ def noisy(sigma: float = 0.15) -> np.ndarray:
 
 
 def gradient(x: np.ndarray, samples: np.ndarray, sigma: float) -> np.ndarray:
-    """Derivatives of half the sum of squares by stiffness and start, also for complex values."""
+    """Derivatives of half the sum of squares with respect to stiffness and start, also for complex values."""
     known = np.isfinite(samples)
     place, by = swing(T[known], stiffness=x[0], start=x[1])
     return np.array([(by[n] * (place - samples[known])).sum() for n in NAMES]) / sigma**2
@@ -75,7 +75,7 @@ def test_ends_of_profiles_have_the_sum_of_squares_that_belongs_to_them(solver: A
     found = ordernm.fit(solver, T, {"x": samples}, NAMES, sigma=sigma, rtol=1e-10, atol=1e-10)
 
     def least(stiffness: float) -> float:
-        """The smallest sum of squares with a stiffness; the start is a factor, so that it follows from a line."""
+        """The smallest sum of squares for a given stiffness; the best start follows from a linear equation."""
         shape = swing(T[known], stiffness=stiffness, start=1.0)[0]
         start = shape @ samples[known] / (shape @ shape)
         return float(((start * shape - samples[known]) ** 2).sum() / sigma**2)

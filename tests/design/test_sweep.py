@@ -33,7 +33,7 @@ def solver(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def importable(monkeypatch):
-    """Processes find the measures."""
+    """Makes the measures importable by other processes."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(sweep_measures.__file__).parent), *sys.path]))
 
 

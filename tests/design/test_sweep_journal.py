@@ -24,7 +24,7 @@ def solver(tmp_path_factory):
 
 
 def from_text(folder, text, name="my_measures"):
-    """A module of that text, imported anew."""
+    """A newly imported module with the given text."""
     file = folder / f"{name}.py"
     file.write_text(text)
     spec = importlib.util.spec_from_file_location(name, file)

@@ -59,7 +59,7 @@ def picture(page) -> np.ndarray:
 
 
 def opened(page, url):
-    """Opens a page and returns the list of its errors, which grows."""
+    """Open a page; returns the list of its errors, to which later errors are added."""
     errors = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
@@ -100,7 +100,7 @@ def test_a_slider_moves_the_mechanism(page, solvers, name):
 
 
 def settled(page) -> np.ndarray:
-    """Grey levels of the scene at half the size, as soon as it does not change any more."""
+    """Grey levels of the scene at half the size, once it no longer changes."""
     before, end = picture(page), time.monotonic() + 120
     while time.monotonic() < end:
         time.sleep(2.0)

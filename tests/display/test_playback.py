@@ -11,7 +11,7 @@ from codegen.runtime.standalone.display.viewer import RATE, SLOWER, _link_length
 
 
 class Node:
-    """A node that lists the arrays that it was given."""
+    """A node that records the arrays that it receives."""
 
     def __init__(self, **arrays):
         self.__dict__.update(arrays, sent=[])

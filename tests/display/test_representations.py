@@ -44,7 +44,7 @@ outputs: {x: {position: tip, axis: x}, height: {position: tip, axis: z}}
 
 
 class Page(HTMLParser):
-    """The tags of a text, all closed, and its words."""
+    """The tags of a text, all of which must be closed, and its words."""
 
     def __init__(self, text):
         super().__init__()
@@ -75,7 +75,7 @@ def solver(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(solver, tmp_path_factory):
-    """One object of each class that public functions return, by its name."""
+    """One object of each class that public functions return, by name."""
     folder = tmp_path_factory.mktemp("made")
     q, u = solver.initial
     times = np.linspace(0, 0.5, 6)

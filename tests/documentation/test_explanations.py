@@ -34,7 +34,7 @@ def test_every_anchor_is_a_section_that_names_the_error():
 
 @cache
 def written() -> tuple[str, ...]:
-    """All texts in the source of ordernm but docstrings, with "..." for values that are formatted into them."""
+    """All texts in ordernm's source except docstrings, with "..." for formatted values."""
     found = []
     for path in sorted((ROOT / "codegen").rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
@@ -50,7 +50,7 @@ def written() -> tuple[str, ...]:
 
 
 def quoted() -> list[str]:
-    """Messages that pages quote: between quotation marks, and in the table of motions that end."""
+    """Messages that pages quote: in quotation marks, and in the table of reasons why motions end."""
     page = re.sub(r"^```.*?^```$", "", (ROOT / PAGE).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     found = re.findall(r'"([^"]+)"', re.sub(r"`[^`]*`", "", page))
     rows = re.findall(r"^\| (.+?) \|", page.partition("| the message says |")[2].partition("###")[0], re.MULTILINE)

@@ -34,7 +34,7 @@ PAGES = sorted(
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory):
-    """Follows a page once; returns what its names mean."""
+    """Run a page once; returns the values of its names."""
     known: dict[str, Followed] = {}
 
     def get(name: str) -> Followed:

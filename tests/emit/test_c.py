@@ -141,7 +141,7 @@ def files_of_everything() -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The package, not compiled."""
+    """The package of a model with everything, not compiled."""
     folder = tmp_path_factory.mktemp("package") / "everything"
     codegen.generate(parse_model(EVERYTHING), folder, compile=False)
     return folder
@@ -320,7 +320,7 @@ def test_equal_input_gives_equal_bytes() -> None:
 
 @cache
 def angles_and_exact_values(dtype: str) -> tuple[Any, Any, Any]:
-    """Angles, their cosines and then their sines in 60 digits: rounded to the nearest number, and what that leaves."""
+    """Angles, with their cosines and sines from 60 digits: rounded to doubles, and the remainders."""
     rng = np.random.default_rng(0)
     quarter = np.arange(-40, 40) * (np.pi / 2)
     angles = np.concatenate([

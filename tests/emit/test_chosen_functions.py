@@ -26,7 +26,7 @@ MODELS = ("double_pendulum", "four_bar")
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Packages of all functions, by model."""
+    """Packages with all functions, by model."""
     folder = tmp_path_factory.mktemp("whole")
     return {name: package(name, folder / name) for name in MODELS}
 

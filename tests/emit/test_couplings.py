@@ -53,7 +53,7 @@ def test_rails_compiled(tmp_path: Path) -> None:
 
 
 def check_generated(folder: Path, name: str, compiled: str | None) -> None:
-    """In NumPy, and in C of a layout."""
+    """Compare NumPy, and C in a layout, with the engines."""
     model, target = by_hand(name).model, "both" if compiled else "numpy"
     codegen.generate(model, folder, target, compiled or "auto", compile="all")
     text = (folder / f"{model.name}_numpy.py").read_text()
@@ -66,7 +66,7 @@ def check_generated(folder: Path, name: str, compiled: str | None) -> None:
 
 
 def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
-    """From nearby, each step of the assembly squares what is open, in all loops at once; independent coordinates are kept."""
+    """Near a closed state, each assembly step squares the residuals of all loops; independent coordinates do not change."""
     model, q, u, p = drawn[:4]
     rng = np.random.default_rng(4)
     plain = [i for i, n in enumerate(model.coordinate_names) if n.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")]

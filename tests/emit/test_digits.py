@@ -23,7 +23,7 @@ FUNCTIONS = ("sensitivities", "gradients", "outputs")
 
 
 def differences(model, solver, state, seeds):
-    """Relative differences from the dense method, each in the largest norm, and the consistent state."""
+    """Relative differences from the dense method, each in the maximum norm, and the consistent state."""
     engine = DenseEngine(model, "mpmath")
     q, u = solver.assemble(state.q, state.u, state.p)
     rest = (state.p, state.inputs, state.t)

@@ -30,7 +30,7 @@ def model(bodies: str, loops: str = "", rest: str = "", gravity: str = "[0.3, 0.
 
 
 def four_bar_of_unit_masses(base: str) -> str:
-    """The region's sums get a 1 from each of three bars."""
+    """A four-bar with unit masses: the region's sums get a 1 from each of three bars."""
     bodies = body("base", "ground", f"type: {base}", 3, "[0.1, 0.2, 0.1]")
     bodies += body("a", "base", "type: revolute, axis: z", 1, "[0.2, 0, 0]")
     bodies += body("b", "a", "type: revolute, axis: z, at: [0.4, 0, 0]", 1, "[0.6, 0, 0]")
@@ -75,7 +75,7 @@ def equal_links_under_different_loops(sliding: str, more: bool) -> str:
 
 
 def a_slide_beside_a_hinge() -> str:
-    """Two equal four-bars; the way between the faces matters in the region of one."""
+    """Two equal four-bars; the displacement between the faces is needed in the region of one of them."""
     bodies, loops = "", ""
     for k, joint in (("1", "revolute"), ("2", "inline")):
         bodies += body(f"a{k}", "ground", "type: revolute, axis: z", 2, "[0.2, 0, 0.1]")
@@ -113,7 +113,7 @@ def a_force_that_is_an_acceleration() -> str:
 
 
 def a_door_with_a_second_hinge() -> str:
-    """The loop of the second asks nothing new: it has no links, and hands on no force."""
+    """The loop of the second hinge adds no condition: it has no links and transmits no force."""
     bodies = body("door", "ground", "type: revolute, axis: z", 1.3, "[0.5, 0, 0]")
     bodies += body("r", "door", "type: revolute, axis: z, at: [1, 0, 0]", 1.7, "[0.5, 0, 0]")
     bodies += body("s", "ground", "type: revolute, axis: z, at: [1.5, 1, 0]", 1.1, "[0.5, 0, 0]")
@@ -130,7 +130,7 @@ def a_door_with_a_second_hinge() -> str:
 
 
 def unit_gravity() -> str:
-    """Forces that are 1 whatever the state, and have no derivative."""
+    """A model whose forces are 1 in every state and have no derivative."""
     bodies = body("x", "ground", "type: prismatic, axis: x", 1, "[0, 0, 0]")
     bodies += body("y", "x", "type: prismatic, axis: y", 1, "[0, 0, 0]")
     bodies += body("w", "y", "type: revolute, axis: x, at: [0, L, 0]", 1, "[0, 0.3, 0]")
@@ -181,7 +181,7 @@ def test_generated_is_dense(tmp_path, name, layout):
 
 
 def mixed(rng: np.random.Generator) -> str:
-    """Three mechanisms of equal parts, put together differently, in one model: their links share kinds."""
+    """Three mechanisms with equal parts in different arrangements, in one model: their links share kinds."""
     bodies, loops, q, independent = "", [], [], []
     for n in range(3):
         base = "ground"
@@ -219,7 +219,7 @@ def mixed(rng: np.random.Generator) -> str:
 
 
 def agree(tmp_path, seeds, wanted: int) -> None:
-    """So many of the drawn models that can be assembled agree with the dense method."""
+    """Check that enough drawn models can be assembled, and that they agree with the dense method."""
     done = 0
     for seed in seeds:
         rng = np.random.default_rng(seed)

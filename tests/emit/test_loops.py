@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def example(name: str, **constants: int) -> Model:
-    """An example file, with other numbers for its first constant."""
+    """The text of an example file, with another number for its first constant."""
     text = (EXAMPLES / f"{name}.yaml").read_text()
     for key, value in constants.items():
         assert f"{{{key}: 3," in text
@@ -39,7 +39,7 @@ def source(name: str, loops: int) -> Any:
 
 
 def flops(source: Any, function: str, per: str = "per_call") -> int:
-    """All operations of a function, sines and divisions counted as one each."""
+    """All operations of a function; sines and divisions count as one each."""
     operations = source.manifest["operations"]
     return sum(sum(operations[s][per].values()) for s in source.manifest["functions"][function]["sweeps"])
 

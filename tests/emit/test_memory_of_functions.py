@@ -31,7 +31,7 @@ independent: [A]
 
 
 def check(model: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compare every function of the C, along eight directions, with NumPy."""
+    """Compare every C function, along eight directions, with NumPy."""
     codegen.generate(
         model, folder / "package", functions="dynamics,rates,gradients,coordinate_rate_gradients,energy_gradients"
     )

@@ -54,7 +54,7 @@ def chain(axes: str) -> Model:
 
 
 def given(source: Source, rng: np.random.Generator, k: int) -> dict[str, Any]:
-    """A state, seeds, and what else the functions take."""
+    """A state, seeds, and the other arguments of the functions."""
     model = source.system.model
     nu = model.nu
     return {
@@ -66,14 +66,14 @@ def given(source: Source, rng: np.random.Generator, k: int) -> dict[str, Any]:
 
 
 def call(source: Source, made: ModuleType, function: str, values: dict[str, Any]) -> dict[str, Array]:
-    """Results by name."""
+    """The results of a call by name."""
     spec = source.manifest["functions"][function]
     results = getattr(made, function)(*(values[n] for n in [*spec["arguments"], *spec.get("seeds", ())]))
     return dict(zip(spec["results"], results, strict=True))
 
 
 def reference(model: Model, x: dict[str, Any]) -> dict[str, tuple[str, Array, Array]]:
-    """By function over directions: name of the result, its value and derivatives, from the reference engine."""
+    """For each function over directions: the name of its result, the value and derivatives from the reference engine."""
     engine = RecursiveEngine(model)
     q, u, p, inputs, t = (x[n] for n in ("q", "u", "p", "inputs", "t"))
     seeds = {n: x[n] for n in SEEDS}
@@ -222,7 +222,7 @@ def test_arguments_are_those_of_the_manifest() -> None:
 
 
 def with_weightless_end() -> Model:
-    """Two links; the mass of the second is a parameter."""
+    """Two links; the mass of the second is a parameter, which may be zero."""
     zero = expression(0)
     bodies = []
     for k, m in ((0, "1"), (1, "m")):

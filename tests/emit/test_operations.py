@@ -59,7 +59,7 @@ EVERY_FORMULA = {*FORMULAS.values(), MOTIONS.name}
 
 
 def bodies_of(source: Source) -> dict[str, str]:
-    """Bodies of the C functions by name; those over directions without their width."""
+    """Bodies of the C functions by name; names of functions over directions without the width."""
     name = source.manifest["name"]
     text = source.files[f"{name}.c"] + source.files[f"{name}_directions.h"]
     text = re.sub(r"DIRECTIONS\((\w+)\)", r"\1", re.sub(r"/\*.*?\*/", "", text, flags=re.S))
@@ -72,7 +72,7 @@ def bodies_of(source: Source) -> dict[str, str]:
 
 
 def called(functions: dict[str, str], start: str) -> set[str]:
-    """Names of functions that one reaches."""
+    """Names of the functions that a function calls, directly or through others."""
     seen: set[str] = set()
     todo = [start]
     while todo:
@@ -104,7 +104,7 @@ def _of_links(sweep: str, reached: set[str]) -> bool:
 
 @cache
 def source_of(name: str) -> Source:
-    """Of an example, or of `SPRINGS`."""
+    """The generated source of an example, or of `SPRINGS`."""
     model = parse_model(SPRINGS) if name == "springs" else load_model(EXAMPLES / f"{name}.yaml")
     return write_solver(model, "kinds", reactions=True)
 
@@ -126,7 +126,7 @@ def test_functions_run_the_sweeps_that_the_manifest_names(name: str) -> None:
 
 
 def calls_in_numpy(source: Source) -> dict[str, Counter[str]]:
-    """What each function of the NumPy module calls, sweeps and formulas, how often: found by running it."""
+    """How often each function of the NumPy module calls each sweep and formula, found by running it."""
     manifest = source.manifest
     module: dict[str, Any] = {}
     exec(source.files[f"{manifest['name']}_numpy.py"], module)

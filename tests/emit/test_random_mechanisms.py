@@ -29,7 +29,7 @@ EPS = np.finfo(float).eps
 
 
 def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.random.Generator) -> dict[str, float]:
-    """Relative errors of values and of derivatives at the drawn, assembled state."""
+    """Relative errors of values and derivatives at the drawn, assembled state."""
     model, q, u, p, inputs, t = drawn[:6]
     seeds = seeds_of(engine, (q, u, p, inputs, t), rng)
     dp = seeds["dp"]
@@ -62,7 +62,7 @@ def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.rando
 
 
 def check(drawn: Mechanism, solver: codegen.Solver, seed: int) -> None:
-    """Values to 1e-10, derivatives to 1e-9 or 50 eps cond^2 where that is larger."""
+    """Check values to 1e-10, and derivatives to 1e-9 or 50 eps cond^2 if that is larger."""
     cond = max(ear.condition for ear in partition(drawn.model).ears)
     back = transposes(solver, tuple(drawn[1:6]), np.random.default_rng(seed))
     for engine in (DenseEngine(drawn.model), RecursiveEngine(drawn.model)):
@@ -75,7 +75,7 @@ def check(drawn: Mechanism, solver: codegen.Solver, seed: int) -> None:
 
 
 def draw(seed: int, **options: Any) -> Mechanism | None:
-    """A mechanism, or None where the draw is given up."""
+    """A random mechanism; None if none is found."""
     drawn = random_mechanism(np.random.default_rng(seed), **options)
     if isinstance(drawn, Discarded):
         return None

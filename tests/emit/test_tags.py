@@ -16,7 +16,7 @@ EQUATIONS = re.compile(r"\bEqs?\. (\d+(?:(?:-|, | and )\d+)*)")
 
 
 def equations(text):
-    """Numbers of the equations that a text names, ranges as well: ``Eqs. 18-20, 31``."""
+    """Numbers of the equations that a text names, including ranges: ``Eqs. 18-20, 31``."""
     found = set()
     for group in EQUATIONS.findall(text):
         for part in re.split(", | and ", group):
@@ -27,7 +27,7 @@ def equations(text):
 
 @pytest.fixture(scope="module")
 def explained():
-    """The docstrings of the generator, and the page of the theory."""
+    """The texts that explain tags: the docstrings of the generator, and the theory page."""
     texts = [(ROOT / "docs" / "theory.md").read_text()]
     for file in (ROOT / "codegen").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):
@@ -43,7 +43,7 @@ def explained():
 
 
 def tags(source):
-    """What stands in comments behind statements, and in parentheses in the heads of functions."""
+    """The tags in comments after statements, and in parentheses in the heads of functions."""
     text = "\n".join(t for n, t in source.files.items() if n.endswith((".c", "_directions.h")) and "_calls" not in n)
     behind = set(re.findall(r"^    +const (?:double|VECTOR) .*; /\* (.+) \*/$", text, re.M))
     heads = {f"Eq. {n}" for head in re.findall(r"^/\* .*\((Eqs?\. .*?)\)", text, re.M) for n in equations(head)}

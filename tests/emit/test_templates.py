@@ -11,7 +11,7 @@ from codegen.emit.templates import KeptBeside
 
 @pytest.fixture
 def environment(tmp_path, monkeypatch):
-    """Of a folder with one template; byte code is kept in it."""
+    """A template environment for a folder with one template, which also stores the byte code."""
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     monkeypatch.setattr(sys, "pycache_prefix", None)
     (tmp_path / "one.jinja").write_text("{{ x }} is {{ x }}")

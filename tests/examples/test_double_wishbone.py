@@ -11,7 +11,7 @@ LINKS = (("lower_front", "lower_ball"), ("lower_rear", "lower_ball"), ("upper_fr
 
 
 def turn(axis, angle):
-    """The matrix of a turn about x, y or z."""
+    """The matrix of a rotation about x, y or z."""
     R, (i, j) = np.eye(3), {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     R[i, i] = R[j, j] = np.cos(angle)
     R[j, i] = np.sin(angle)
@@ -20,7 +20,7 @@ def turn(axis, angle):
 
 
 class Corner:
-    """A wheel of a car that is held by five distances."""
+    """The wheel of a car, held by five distances."""
 
     def __init__(self, solver):
         self.p = dict(zip(solver.parameter_names, solver.parameters, strict=True))
@@ -44,7 +44,7 @@ class Corner:
         return fsolve(gaps, np.zeros(5), xtol=1e-12)
 
     def load(self):
-        """What the road carries at the design position, at rest: virtual work as the wheel is lifted."""
+        """The force of the road at the design position, at rest, from the virtual work of lifting the wheel."""
         rows = []
         for inner, outer in LINKS:
             along = self.point(outer) - self.point(inner)

@@ -12,7 +12,7 @@ def turned(angle, x, z):
 
 
 class Arm:
-    """An excavator's arm in its plane: where masses are and how long cylinders are, from circles and turned points."""
+    """An excavator's arm in its plane: positions of masses and lengths of cylinders, from circles and rotated points."""
 
     def __init__(self, p, boom, stick, bucket):
         self.pin = np.array([p["boom_pin_x"], 1 + p["boom_pin_z"]])
@@ -52,7 +52,7 @@ class Arm:
         return [np.linalg.norm(b - a) for a, b in self.cylinders]
 
     def boom_force(self):
-        """What the boom's cylinder pushes with when all is at rest: moments about the boom's pin, and its own weight's work."""
+        """The force of the boom's cylinder at rest, from moments about the boom's pin and the work of its own weight."""
         foot, eye = self.cylinders[0]
         length = np.linalg.norm(eye - foot)
         way = (eye - foot) / length

@@ -43,7 +43,7 @@ def load(name, old="", new=""):
 
 
 def assembled(model, change=None):
-    """Partition and a closed state: the initial one, or with other independent coordinates."""
+    """The partition and a closed state: the initial one, or one with other independent coordinates."""
     chosen = partition(model)
     q, u = initial_configuration(model)
     for name, value in (change or {}).items():

@@ -38,7 +38,7 @@ def generated(request, tmp_path_factory):
 
 
 def engine_of(model):
-    """Dense for mechanisms, whose closures it knows from a formulation of its own."""
+    """The reference engine: the dense one for mechanisms, since it formulates closure differently."""
     return DenseEngine(model) if model.loops else RecursiveEngine(model)
 
 

@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 @pytest.fixture(scope="module")
 def script():
-    """A script of the examples as a module."""
+    """An example script, imported as a module."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(EXAMPLES))
         known = set(sys.modules)
@@ -25,7 +25,7 @@ def script():
 
 
 def solver_of(name, folder):
-    """The solver of an example, with what an optimisation calls."""
+    """The solver of an example, with the functions that an optimisation calls."""
     functions = ("dynamics", "motion", "energies")
     return codegen.load(
         codegen.generate(EXAMPLES / f"{name}.yaml", folder / name, functions=functions, compile="all").folder
@@ -33,7 +33,7 @@ def solver_of(name, folder):
 
 
 def same_gradients(make, jacobian=False):
-    """Gradients of what `make` makes for a method, at its start; of constraints too."""
+    """Check that gradients forward and by the adjoint agree at the start, also those of constraints."""
     found = []
     for method in ("forward", "adjoint"):
         f, several = make(method) if jacobian else (make(method), [])

@@ -31,7 +31,7 @@ def example(folder: Path, command: list[str], runner: tuple[str, ...] = ()) -> n
 
 
 def expected(name: str, tmp_path: Path) -> np.ndarray:
-    """What the example of an export has to print, in doubles."""
+    """The numbers that the example of an export must print, in doubles."""
     codegen.generate(EXAMPLES / f"{name}.yaml", tmp_path / f"{name}_solver", target="numpy")
     solver = codegen.load(tmp_path / f"{name}_solver")
     q, u = solver.initial

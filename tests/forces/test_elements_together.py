@@ -43,7 +43,7 @@ def test_the_compiled_functions_on_a_loop(tmp_path: Path) -> None:
 
 
 def chain(n: int) -> Model:
-    """Of links that are alike, with elements between any of them, none of whose numbers go up in equal steps."""
+    """A chain of equal links with elements between any of them; no numbers of the elements increase in equal steps."""
     elements = "".join(
         f"  band_{i}: {{type: spring, from: b_{a}, to: {{body: b_{b}, at: [0.2, {0.1 * i}, 0]}}, stiffness: {3 + i * i}}}\n"
         f"  ram_{i}: {{type: actuator, from: b_{a}, to: b_{b}, "

@@ -26,7 +26,7 @@ WIDTH = 0.01
 
 
 def stop(x: float, u: float, k: float, end: float) -> float:
-    """Its force, piece by piece."""
+    """The force of a stop, as a piecewise formula."""
     force = 0.0
     for sign, beyond in ((1, -0.2 - x), (-1, x - end)):
         if beyond > WIDTH:
@@ -58,7 +58,7 @@ def test_forces_and_derivatives(tmp_path: Path, target: str) -> None:
 
 
 def stop_slope(x: float, u: float) -> float:
-    """Its derivative by x, piece by piece; at the ends of pieces the force is smooth but for the damper's."""
+    """The derivative of the stop's force with respect to x, piecewise; only the damper's part is not smooth."""
     slope = 0.0
     for sign, beyond in ((-1, -0.2 - x), (1, x - 0.5)):
         if beyond > WIDTH:

@@ -28,7 +28,7 @@ LAW = {
 
 
 def model_of(name: str, law: str) -> Model:
-    """Two bodies on joints of a type, one on the other, and an eye that slides along x; `tip` stands still."""
+    """Two bodies in series on joints of a type, and an eye that slides along x; `tip` is at rest."""
     joint, freedoms = JOINTS[name]
     values = ", ".join(f'"{LAW[law].format(i=i)}"' for i in range(freedoms))
     lines = [

@@ -39,7 +39,7 @@ STRETCHED = "band: {type: hardening_spring, from: tip, to: d, stiffness: k, hard
 
 
 def entry(law: LineLaw, n: int = 0) -> str:
-    """An element on `TREE` and `LOOP`, its coefficients of parameters, an input and time."""
+    """The entry of an element on `TREE` and `LOOP`; its coefficients contain parameters, an input and time."""
     factors = ("0.3*k", "(1 + 0.1*pull)", "(1 + 0.2*sin(t))", "l")
     values = [
         f'{key}: "{sum(c.between) / 2:g}*{factors[(i + n) % len(factors)]}"'
@@ -132,14 +132,14 @@ outputs: {stored: potential_energy}
 
 
 def kepler(t: float, a: float, e: float, gm: float) -> tuple[float, float]:
-    """Place on an ellipse, from the perihelion: Kepler's equation, E - e sin E = n t."""
+    """Position on an ellipse, from the perihelion, by Kepler's equation E - e sin E = n t."""
     n = math.sqrt(gm / a**3)
     E = float(mpmath.findroot(lambda x: x - e * mpmath.sin(x) - n * t, n * t))
     return a * (math.cos(E) - e), a * math.sqrt(1 - e * e) * math.sin(E)
 
 
 def duffing(t: float, x0: float, a: float, b: float) -> float:
-    """Of x'' = -a x - b x^3, from rest at x0: x0 cn(w t, m), w^2 = a + b x0^2, m = b x0^2/(2 w^2)."""
+    """Solution of x'' = -a x - b x^3 from rest at x0: x0 cn(w t, m), w^2 = a + b x0^2, m = b x0^2/(2 w^2)."""
     square = a + b * x0 * x0
     return float(x0 * mpmath.ellipfun("cn", math.sqrt(square) * t, m=b * x0 * x0 / (2 * square)))
 
@@ -233,7 +233,7 @@ kept: list[Any] = []
 
 
 def of_contributing() -> LineLaw:
-    """What CONTRIBUTING.md writes as an example, in one file."""
+    """The example of CONTRIBUTING.md in one file."""
     page = (DOCS.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python\n(.*?)^```$", page[page.index("`cube.py`") :], re.DOTALL | re.MULTILINE)
     names: dict[str, Any] = {"__package__": line_laws.__name__}

@@ -116,7 +116,7 @@ def drawn(seed: int, count: int = 12) -> tuple[list[str], np.ndarray]:
 
 
 def differences(seed: int, folder: Path | None, targets: tuple[str, ...]) -> list[str]:
-    """What is wrong with the derivatives of one seed's expressions."""
+    """Messages about wrong derivatives of the expressions of one seed."""
     return compared(seed, folder, targets)[0]
 
 

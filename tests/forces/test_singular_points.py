@@ -41,7 +41,7 @@ FUNCTIONS |= {"abs": abs, "max": max, "__builtins__": {}}
 
 
 def limits(law: str) -> np.ndarray:
-    """Derivatives by `NAMES`, as limits in 200 digits: quotients over 2e-60, by q.c, which must not be above 1, to one side."""
+    """Derivatives with respect to `NAMES` as one-sided limits in 200 digits, by quotients over 2e-60; q.c is at most 1."""
     if law.startswith("if("):
         condition, x, y = law[3:-1].split(", ")
         law = f"(({x}) if {condition} else ({y}))"
@@ -63,7 +63,7 @@ def limits(law: str) -> np.ndarray:
 
 
 def model_of(laws: dict[str, str]) -> Model:
-    """A model where each law is the acceleration of a body, and an output."""
+    """A model with a body and an output for each law; the law is the acceleration of the body."""
     lines = ["model: singular", "parameters: {k: 3.0, n: 1.5}", "bodies:"]
     lines += [
         f"  {b}: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}" for b in ("a", "b", "c", *laws)
@@ -84,7 +84,7 @@ def expected() -> np.ndarray:
 
 
 def rows(J: Any) -> np.ndarray:
-    """The derivatives of the laws by `NAMES`."""
+    """The derivatives of the laws with respect to `NAMES`."""
     return np.hstack([J.q[3:, :3], J.u[3:, :3], J.p[3:]])
 
 

@@ -37,7 +37,7 @@ def package(tmp_path_factory):
 
 
 def lasting(name, text):
-    """A file without what changes with the version and with the files of the run time."""
+    """A file without the parts that depend on the version and on the run-time files."""
     if name != "model.json":
         return text.replace(f"ordernm {__version__}", "ordernm VERSION")
     manifest = json.loads(text)

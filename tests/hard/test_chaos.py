@@ -42,7 +42,7 @@ def pendulum(build: Callable[..., Any]) -> Any:
 
 
 def absolute(rows: Any) -> Any:
-    """Angles and speeds against the vertical, from those against the rod before."""
+    """Angles and speeds relative to the vertical, from those relative to the preceding rod."""
     return np.concatenate([np.cumsum(rows[..., :2], axis=-1), np.cumsum(rows[..., 2:], axis=-1)], axis=-1)
 
 

@@ -19,7 +19,7 @@ METHODS = (("dop853", 1e-9), ("dop853", 1e-6), ("radau", 1e-9), ("radau", 1e-6),
 
 
 def agree(build: Callable[..., Any], family: str, seed: int, partitions: tuple[int, ...], methods: Any) -> None:
-    """Every integrator passes the dead points, or ends with a message; what is before is right."""
+    """Check that every integrator passes the dead points or ends with a message, with correct results before."""
     mechanism, independent = random_in_space(family, seed)
     q, u, nearest = reference(mechanism, build(mechanism.text(), **TREE), TIMES)
     if nearest < SINGULAR:

@@ -47,7 +47,7 @@ def hooke(build: Callable[..., Any]) -> Any:
 
 
 def spherical_pendulum(place: Any, velocity: Any) -> Any:
-    """The end of a thin rod of 0.8 m over time: r'' = 3/2 g across r - v^2 r / l^2."""
+    """The end of a thin rod of 0.8 m over time, as a spherical pendulum: r'' = 3/2 g across r - v^2 r / l^2."""
 
     def rates(t: float, y: Any) -> Any:
         r, v = y[:3], y[3:]
@@ -60,7 +60,7 @@ def spherical_pendulum(place: Any, velocity: Any) -> Any:
 
 
 def rod(q: Any, u: Any) -> tuple[Any, Any]:
-    """Place and velocity of its end from angles and speeds of the universal joint."""
+    """Position and velocity of the rod's end from angles and speeds of the universal joint."""
     R = Rotation.from_euler("XY", q)
     r = R.apply([0, 0, -0.8])
     turning = np.array([u[0], 0, 0]) + Rotation.from_euler("X", q[0]).apply([0, u[1], 0])

@@ -51,7 +51,7 @@ def coordinates(form: str, n: int) -> tuple[Array, Array]:
 
 
 def condition_of_mass_matrix(q: Array) -> float:
-    """Of hinge angles, from velocities of the rods' middles and their angular velocities."""
+    """Condition of the mass matrix in hinge angles, from velocities of the rods' centres and angular velocities."""
     n = len(q)
     angle = np.cumsum(q)
     along = np.stack([np.cos(angle), np.sin(angle)]) / n  # how the far end moves with the rod's angle

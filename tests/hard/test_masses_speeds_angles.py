@@ -62,7 +62,7 @@ def witness() -> Any:
 
 
 def compared(arm: Any, witness: Any, masses: Any, q: Any = Q, u: Any = U) -> tuple[float, list[float], list[float]]:
-    """Errors of udot, of its derivatives by length, masses, q and u, and the latter in parts of udot."""
+    """Errors of udot and of its derivatives with respect to length, masses, q and u; also relative to udot."""
     p = np.array([9.81, 0.7, *masses])
     rng = np.random.default_rng(0)
     dq, du, dp = np.zeros((7, 8)), np.zeros((7, 7)), np.zeros((7, 6))

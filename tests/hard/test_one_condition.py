@@ -111,7 +111,7 @@ def test_a_parallelogram_by_a_rod_passes_its_flat_poses(
 
 
 def compare_constant_steps(solver: Any) -> None:
-    """Constant steps, with the other method at 1e-11: what is off by more than 3e-4 comes with a warning."""
+    """Compare constant steps with the other method at 1e-11: errors above 3e-4 must have a warning."""
     right = solver.simulate(TIMES, rtol=1e-11, atol=1e-11)
     for step in (1e-3, 1e-2):
         with warnings.catch_warnings(record=True) as said:

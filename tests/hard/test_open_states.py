@@ -24,7 +24,7 @@ def crank(build: Callable[..., Any]) -> Any:
 
 
 def opened(crank: Any) -> tuple[Any, Any, Any]:
-    """The closed state, and coordinates with rod and piston off."""
+    """The closed state, and a state in which rod and piston are displaced."""
     q, u = crank.initial
     return q, u, q + np.array([0.0, ROD, PISTON])
 

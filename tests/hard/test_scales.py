@@ -56,7 +56,7 @@ OF_PARAMETERS = np.array(
 
 
 class Scaled:
-    """A mechanism of some size: its results in parts of what they are to scale with."""
+    """A mechanism of a given size; its results are divided by the units with which they scale."""
 
     def __init__(self, solver: Any, L: float, M: float, T: float, p: Any = None):
         self.solver, self.p = solver, p
@@ -68,7 +68,7 @@ class Scaled:
         self.state = solver.assemble(guess * self.q, np.array([3.0, 0, 0, 1.0, 0, 0.5]) * self.u, p)
 
     def accelerations(self) -> tuple[Any, Any]:
-        """udot, and what it changes by with all of each coordinate, speed, parameter, input."""
+        """udot, and its change for a change of each coordinate, speed, parameter and input by its own value."""
         sizes = [self.q, self.u, self.of_p, np.array([self.torque])]
         ends = np.cumsum([len(x) for x in sizes])
         seeds = [np.zeros((ends[-1], len(x))) for x in sizes]
@@ -102,7 +102,7 @@ def sizes(L: float) -> tuple[float, float, float]:
 
 @pytest.fixture(scope="module")
 def one(build: Callable[..., Any]) -> Scaled:
-    """The mechanism of a metre."""
+    """The mechanism at a size of one metre."""
     return Scaled(
         build(text(1.0, 1.0, 1.0), target="c", functions=("motion", "accelerations", "sensitivities")), 1.0, 1.0, 1.0
     )
@@ -133,7 +133,7 @@ def test_generated_in_that_size(one: Scaled, expected: Any, build: Callable[...,
 
 
 def same(found: Any, exact: Any, most: float) -> None:
-    """udot, and its derivatives in each direction, in parts of the largest entry."""
+    """Check udot and its derivatives, with errors relative to the largest entry."""
     (a, da), (b, db) = found, exact
     np.testing.assert_allclose(a, b, rtol=0, atol=most * np.abs(b).max())
     for x, y in zip(da, db, strict=True):

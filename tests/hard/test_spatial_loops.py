@@ -88,7 +88,7 @@ TURNS = 20
 
 
 def directions(solver: Any, of_parameters: Any) -> dict[str, Any]:
-    """By parameters, by the independent coordinate, by its speed."""
+    """Seeds of the parameters, of the independent coordinate and of its speed."""
     k = len(of_parameters)
     dp, dq, du = np.zeros((k + 2, solver.np)), np.zeros((k + 2, solver.nq)), np.zeros((k + 2, solver.nu))
     for row, changes in zip(dp, of_parameters, strict=False):
@@ -154,5 +154,5 @@ def test_a_length_alone_opens_bennetts_linkage_and_every_function_says_so(build:
 
 
 def solver_report(solver: Any) -> str:
-    """What is said of the loops."""
+    """The messages about the loops."""
     return "\n".join(solver._manifest["description"])

@@ -195,7 +195,7 @@ def test_loops_move_as_mujocos_matrices_say(tmp_path, equality, more, types):
 
 
 def constrained(model):
-    """Of every constraint the two bodies, a point fixed in each, and whether rotation is held."""
+    """For every constraint: the two bodies, a point fixed in each, and whether rotation is constrained."""
     found = []
     for e in range(model.neq):
         first, second = model.eq_obj1id[e], model.eq_obj2id[e]
@@ -210,7 +210,7 @@ def constrained(model):
 
 
 def rows(model, data, pairs):
-    """Rows of the conditions on qvel, and what their derivatives add: Jdot qvel."""
+    """Rows of the conditions on qvel, and the terms Jdot qvel of their derivatives."""
     lines, rates = [], []
     for a, x, b, y, held in pairs:
         both = []

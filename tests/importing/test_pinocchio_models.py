@@ -53,7 +53,7 @@ UNGEARED = ("free", PLANAR)
 
 
 def rotors(kind, model, rng):
-    """Reflected inertia for every speed of a chain, the same for those of a ball."""
+    """Reflected inertia for every speed of a chain; equal values for the speeds of a ball joint."""
     found = rng.uniform(0.05, 1.5, model.nv)
     for one in list(model.joints)[1:]:
         if one.shortname() == "JointModelSpherical":
@@ -82,7 +82,7 @@ def test_every_type_of_joint_moves_as_pinocchio_says(tmp_path, kind):
 
 
 def state(model, found, solver, q, v):
-    """Our state of a chain, T with u = T v, and Tdot v."""
+    """The model's state of a chain, T of u = T v, and Tdot v."""
     ours = np.array(solver.initial[0], float)
     T, rate = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     names_q, names_u = list(solver.coordinate_names), list(solver.speed_names)

@@ -14,7 +14,7 @@ from codegen.importing.xml_reading import MAX_DEPTH, parse_xml
 
 
 def problems(tmp_path, text, **options):
-    """What is said of a text, a line each, without the folder."""
+    """The messages about a text, one a line, without the folder."""
     path = tmp_path / "robot.urdf"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(codegen.ModelError) as error:

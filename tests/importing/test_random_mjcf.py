@@ -10,7 +10,7 @@ SEEDS = range(300)
 
 
 def is_compiled(path):
-    """Whether MuJoCo takes a file: it refuses some paths of tendons over copies."""
+    """Whether MuJoCo compiles a file: it refuses some paths of tendons over copies."""
     import mujoco
 
     try:

@@ -17,7 +17,7 @@ SEEDS = range(700)
 
 
 def apart(path, robot):
-    """Difference of the accelerations at a random state, relative to the largest."""
+    """Relative difference of the accelerations at a random state."""
     import pinocchio as pin
 
     found = codegen.import_model(path, base="free" if robot.free else "fixed")

@@ -47,7 +47,7 @@ def imported(tmp_path, text, **options):
 
 
 def numbers(found):
-    """Mass matrix and weight at zero, as Drake gives them."""
+    """Mass matrix and gravity forces at zero coordinates, as Drake computes them."""
     engine = RecursiveEngine(found.model)
     zero = np.zeros(found.model.nu)
     matrix = engine.mass_matrix(zero)

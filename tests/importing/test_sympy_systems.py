@@ -53,7 +53,7 @@ def test_accelerations_are_those_of_form_eoms(name: str, tmp_path: Path) -> None
 
 
 def solid(name: str) -> RigidBody:
-    """A body with a full inertia matrix and its mass centre where sympy puts it."""
+    """A body with a full inertia matrix and the mass centre at sympy's default."""
     axes, center = ReferenceFrame(f"{name}_axes"), Point(f"{name}_center")
     third = s.Rational(1, 30)
     moments = inertia(
@@ -63,7 +63,7 @@ def solid(name: str) -> RigidBody:
 
 
 def turned(frame: ReferenceFrame, name: str, *turns: Any) -> ReferenceFrame:
-    """A frame that is turned about axes of the frames before it."""
+    """A frame rotated about axes of the preceding frames."""
     for k, (axis, angle) in enumerate(turns):
         new = ReferenceFrame(f"{name}_{k}")
         new.orient_axis(frame, getattr(frame, axis), angle)
@@ -86,7 +86,7 @@ JOINTS: dict[str, Any] = {
 
 
 def chain(kind: str) -> System:
-    """A hinge, the joint between turned frames, and another hinge."""
+    """A hinge, the joint between rotated frames, and another hinge."""
     wall, first, second, third = RigidBody("wall"), *(solid(n) for n in ("one", "two", "three"))
     system = System.from_newtonian(wall)
     keys = {

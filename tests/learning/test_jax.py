@@ -25,7 +25,7 @@ def double_precision() -> None:
 
 
 def errors_of_xla() -> tuple[type[Exception], ...]:
-    """The second one is raised where JAX waits for the program."""
+    """Errors of XLA; the second one is raised where JAX waits for the program."""
     return jax.errors.JaxRuntimeError, ValueError
 
 

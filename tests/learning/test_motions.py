@@ -44,7 +44,7 @@ def torch() -> Any:
 
 
 def motion(x: Any) -> dict[str, Any]:
-    """The arguments of the motion at x, as a user gives them."""
+    """The arguments of the motion at x, in the form in which a user gives them."""
     return {"q": {"upper": x[2]}, "u": {"lower": x[3]}, "p": {"length_1": x[0], "mass_2": x[1]}, "rtol": 1e-10}
 
 

@@ -30,7 +30,7 @@ def satellite(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
 
 
 def states(solver: codegen.Solver, *batch: int, seed: int = 0) -> tuple[Any, ...]:
-    """Random states near the initial one; p is shared."""
+    """Random states near the initial one; all share p."""
     rng = np.random.default_rng(seed)
     q, u = solver.initial
     given = (

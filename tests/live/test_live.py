@@ -250,7 +250,7 @@ def test_the_command_writes_a_page_of_one_model(tmp_path):
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    """The documentation's page in a browser, with its errors and requests, which grow."""
+    """The documentation's page in a browser, with lists of its errors and requests."""
     api = pytest.importorskip("playwright.sync_api", reason="drives a browser: pip install playwright")
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:

@@ -49,7 +49,7 @@ def limits(name):
 
 
 def drawn(names, ranges, count, seed):
-    """Random states, every joint on its own: most are not closed, and many cannot be."""
+    """Random states in which every joint is drawn separately: most are open, and many cannot be closed."""
     rng = np.random.default_rng(seed)
     bounds = [limits(n) or RANGES[ranges].get(n.partition("_")[2], (-1.0, 1.0)) for n in names]
     q = np.stack([rng.uniform(*b, count) for b in bounds], axis=1)
@@ -108,7 +108,7 @@ class PointLoop:
         return ends[1] - ends[0], np.stack(columns, axis=2)
 
     def least(self, x, held):
-        """How far it stays open at least with some hinges held, (S,), m: Levenberg and Marquardt's method from many guesses."""
+        """The least residual (S,), m, with some hinges held, by Levenberg-Marquardt from many guesses."""
         free = [i for i, name in enumerate(self.names) if name not in held]
         rng = np.random.default_rng(7)
         y = np.repeat(x, SEARCHES, axis=0)
@@ -130,7 +130,7 @@ class PointLoop:
 
 
 def can_close(model, held, q):
-    """Which states can be closed with these coordinates held; none is in doubt."""
+    """Which states can be closed with these coordinates held; the test is decisive for each of them."""
     places = {name: i for i, name in enumerate(model.coordinate_names)}
     possible = np.ones(len(q), dtype=bool)
     for loop in (PointLoop(model, x) for x in model.loops):

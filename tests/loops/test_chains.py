@@ -111,7 +111,7 @@ def test_closure_allows_the_motion_of_the_joint_and_no_other(kind):
 
 
 def quaternion(R: np.ndarray) -> np.ndarray:
-    """Of a rotation matrix, by the eigenvector of a symmetric matrix."""
+    """The quaternion of a rotation matrix, as eigenvector of a symmetric matrix."""
     K = np.array([
         [R[0, 0] - R[1, 1] - R[2, 2], R[1, 0] + R[0, 1], R[2, 0] + R[0, 2], R[2, 1] - R[1, 2]],
         [0, R[1, 1] - R[0, 0] - R[2, 2], R[2, 1] + R[1, 2], R[0, 2] - R[2, 0]],

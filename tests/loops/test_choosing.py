@@ -125,7 +125,7 @@ def test_what_is_said_of_a_choice_is_what_it_is(four_loops, chosen):
 
 
 def closing(made, found, spread=0.4, count=40):
-    """How many random independents around the initial ones can be closed from there."""
+    """How many random independent coordinates around the initial ones permit closed loops."""
     rng = np.random.default_rng(3)
     closed = 0
     for _ in range(count):

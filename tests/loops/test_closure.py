@@ -34,7 +34,7 @@ UNTURNED = ("fixed", "prismatic")
 
 
 def mechanisms(count=40):
-    """Random mechanisms, every loop joint in some, and their closed configurations."""
+    """Random mechanisms with closed configurations; together they contain every loop joint."""
     for seed in range(count):
         rng = np.random.default_rng(seed)
         types = [RandomMechanism.LOOPS[(seed + i) % 7] for i in range(1 + seed % 3)]
@@ -42,7 +42,7 @@ def mechanisms(count=40):
 
 
 def by_hand(made, q):
-    """Rotations and origins of all bodies, one after the other."""
+    """Rotations and origins of all bodies, computed one after the other."""
     R, o = {GROUND: np.eye(3)}, {GROUND: np.zeros(3)}
     for k, (b, (place, _)) in enumerate(zip(made.bodies, made.coordinate_slices, strict=True)):
         x, d = q[place], np.zeros(3)

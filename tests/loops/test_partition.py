@@ -48,7 +48,7 @@ def shuffled(made, seed=0):
 
 
 def cross_branch():
-    """Two arms of three hinges each, all axes different, their tips held together by a ball."""
+    """Two arms of three hinges each with different axes; a ball joint connects their tips."""
     axes = [X, Y, Z, Y, X, (1, 1, 0)]
     bodies = [
         body(f"b{i}", GROUND if i in (0, 3) else i - 1, "revolute", a, at=(0.6, 0.1 * i, 0.2))
@@ -106,7 +106,7 @@ def test_a_partition_is_whole(name):
 
 
 def check(made, found, tolerance=1e-10):
-    """Everything that must hold of any partition, by the dense closure matrix of all loops together."""
+    """Check all properties of partitions by the dense closure matrix of all loops together."""
     dependent = [s for ear in found.ears for s in ear.dependent]
     assert sorted([*dependent, *found.independent]) == list(range(made.nu))
     assert sorted(i for ear in found.ears for i in ear.loops) == list(range(len(made.loops)))

@@ -121,7 +121,7 @@ def with_point_conditions(rng: np.random.Generator, drawn: Mechanism, count: int
 
 
 def mechanism(seed: int) -> tuple[np.random.Generator, Mechanism, tuple[Ear, ...]]:
-    """The first draw of a seed that closes and moves."""
+    """The first draw of a seed that can be closed and moved."""
     for attempt in range(50):
         rng = np.random.default_rng([seed, attempt])
         drawn = random_mechanism(rng, scene="spatial", bodies=(4, 6), loops=(1, 1))

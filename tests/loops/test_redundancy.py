@@ -29,7 +29,7 @@ JOINTS = ("type: revolute, axis: y", "type: point", "type: universal, axes: [y, 
 
 
 def four_bar(tilt=0.0, joint=JOINTS[0], offset="0", oblique=False, more=""):
-    """In the plane of x and z; or `oblique`, all hinges along (1, 1, 1) and links along (1, -1, 0)."""
+    """A four-bar in the x-z plane; if `oblique`, with hinges along (1, 1, 1) and links along (1, -1, 0)."""
     arms = {"arm_a": "0.4", "arm_b": "coupler", "arm_c": "0.9", "base": "1.1"}
     for name, length in arms.items():
         across = f"[{length}*sqrt(0.5), -({length})*sqrt(0.5), 0]"

@@ -67,7 +67,7 @@ def rates(R: Jet) -> tuple[Array, Array]:
 
 
 class Mechanism:
-    """A loop joint between the base and a link, at a configuration (and with a motion) that its own freedoms allow."""
+    """A loop joint between the base and a link, at a configuration and with a motion that the joint permits."""
 
     def __init__(self, name: str, gaps: bool = False, off: Array | None = None, seed: int = 0):
         self.holds: Closure = CLOSURES[name]
@@ -114,7 +114,7 @@ class Mechanism:
         self.free += [(np.zeros(3), F @ e[i]) for i in slides]
 
     def matrix(self, rows: list[Condition]) -> Array:
-        """What the conditions see of the six unit motions at the cut."""
+        """The values of the conditions for the six unit motions at the cut."""
         columns = [components_along(self.ear, rows, [Twist.of(unit)], "v", "test") for unit in np.eye(6).tolist()]
         return np.array(columns, float).T
 

@@ -86,7 +86,7 @@ def test_few_partners_and_places_however_long_the_branches(made: Any, hinted: bo
 
 
 def used(system: System, n: int) -> set[int]:
-    """Links whose values a unit uses, its own included."""
+    """Links whose values a unit uses, including its own."""
     found, unit = system.regions, system.regions.order[n]
     if unit.role == "link":
         return {unit.number, system.links[unit.number].parent, *found.elimination.partners[n].links} - {GROUND}

@@ -59,14 +59,14 @@ def system(name: str) -> System:
 
 
 def sweeps(of: System) -> list[Sweep]:
-    """All sweeps that the functions of a model run, and those that outputs of it could ask for."""
+    """All sweeps that the functions of a model run, and those that its outputs could need."""
     run = sweeps_run(procedures.procedures(of, reactions=True))
     run |= {step.sweep for q in QUANTITIES.values() for step in (*q.values, *q.tangents) if isinstance(step, Run)}
     return [s for s in SWEEPS if s.name in run and s.kinds(of)]
 
 
 class Watched:
-    """Runs the writers on zero patterns; what they store can be looked at, changed or dropped."""
+    """Runs block-writing code on zero patterns; the stored values can be inspected, changed or removed."""
 
     def __init__(self, patch: pytest.MonkeyPatch):
         self.writer: tuple[str, str] = ("", "")

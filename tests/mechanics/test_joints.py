@@ -27,7 +27,7 @@ Array = np.ndarray
 
 
 class Formulas(Scope):
-    """Statements as formulas: nothing is named. What is loaded is a symbol, the sine of a coordinate, or what has been stored."""
+    """Statements as formulas without names: loaded values are symbols, sines of coordinates, or values stored before."""
 
     structural = tangents = units = False
     title = "test"
@@ -64,7 +64,7 @@ class Formulas(Scope):
 
 
 class Case:
-    """A joint at random numbers: `formula` are its statements, `value` what they are then."""
+    """A joint at random numbers: `formula` has its statements, `value` their values."""
 
     def __init__(self, joint: type[LinkJoint], aligned: bool = False, axis: int = 1):
         rng = np.random.default_rng(len(joint.__name__) + axis)
@@ -94,7 +94,7 @@ class Case:
         self.rng = rng
 
     def value(self, formula: Any) -> Array:
-        """Numbers for everything; what has none yet gets one."""
+        """The values of expressions; symbols without a value get random ones."""
         a = np.array(formula, dtype=object)
         flat = [sympy.sympify(e) for e in a.flat]
         used = sorted(set[sympy.Symbol]().union(*(e.free_symbols for e in flat)), key=str)
@@ -105,23 +105,23 @@ class Case:
         return np.array(found, dtype=float).reshape(a.shape)
 
     def turned(self) -> list[list[Any]]:
-        """Parent components from the link's."""
+        """Components along the parent's axes from those along the link's."""
         return self.joint.attitude([[sympy.Integer(i == j) for j in range(3)] for i in range(3)])
 
     def along(self, formula: Any, of: Sequence[Any], rates: Sequence[Any]) -> Any:
-        """Derivative of formulas along rates of symbols."""
+        """Derivative of formulas for given rates of symbols."""
         one = lambda e: sum((sympy.diff(e, s) * r for s, r in zip(of, rates, strict=True)), sympy.Integer(0))  # noqa: E731
         return [[one(e) for e in row] if isinstance(row, list) else one(row) for row in formula]
 
     def twist(self, rates: Sequence[Any]) -> Array:
-        """Rotation vector and displacement of the link at rates of its coordinates, in its axes: the pose differentiated."""
+        """Rotation vector and displacement of the link for rates of its coordinates, along its axes, from its pose."""
         R = self.value(self.turned())
         W = R.T @ self.value(self.along(self.turned(), self.q, rates))
         v = R.T @ self.value(self.along(self.joint.offset(), self.q, rates))
         return np.array([W[2, 1], W[0, 2], W[1, 0], *v])
 
     def columns(self) -> Array:
-        """(6, freedoms)."""
+        """Motions of the link per unit speed, (6, freedoms)."""
         return self.value([[s[i] for s in self.joint.columns] for i in range(6)])
 
 

@@ -18,12 +18,12 @@ EPSILON = np.finfo(float).eps
 
 
 def columns(E: Array) -> list[list[Any]]:
-    """Zeros are the int 0, as in a closure matrix where they are structural."""
+    """Columns with the int 0 for structural zeros, as in closure matrices."""
     return [[float(v) if v else 0 for v in column] for column in E.T]
 
 
 def random_matrix(rows: int, count: int, seed: int, density: float = 1.0) -> Array:
-    """Of full rank, with structural zeros."""
+    """A matrix of full rank with structural zeros."""
     rng = np.random.default_rng((rows, count, seed))
     while True:
         E = rng.normal(size=(rows, count)) * (rng.random((rows, count)) < density)
@@ -36,7 +36,7 @@ def factored(E: Array) -> Factor:
 
 
 def parts(f: Factor) -> tuple[Array, Array]:
-    """Q and R."""
+    """Q and R of the factorisation."""
     n = len(f.order)
     R = np.diag([1 / float(d) for d in f.inverse])
     for (i, j), value in f.R.items():

@@ -31,7 +31,7 @@ def chain(joints: list[str], places: list[float], masses: list[float], tip: floa
 
 
 def stopped(module: dict[str, Any], q: list[float]) -> str:
-    """The joint that a state stops at."""
+    """The message that names the singular joint of a state; empty if there is none."""
     with np.errstate(all="ignore"):
         try:
             module["accelerations"](np.array(q), np.zeros(len(q)))

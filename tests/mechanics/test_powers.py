@@ -31,7 +31,7 @@ CASES = {
 
 
 def sliders(forces: dict[str, str]) -> Model:
-    """Unit masses on rails of their own: each acceleration is its force."""
+    """Unit masses on separate rails: each acceleration equals its force."""
     bodies = "".join(f"  {n}: {{parent: ground, joint: {{type: prismatic, axis: x}}, mass: 1}}\n" for n in forces)
     lines = "".join(f'  {n}: {{type: joint, joint: {n}, value: "{f}"}}\n' for n, f in forces.items())
     return parse_model(f"model: sliders\nbodies:\n{bodies}forces:\n{lines}", "m.yaml")

@@ -71,14 +71,14 @@ def theirs(e: Expr) -> s.Expr:
 
 
 def flat(kind: int, a: Any, b: Any = 0) -> Any:
-    """The values of `Flat`: of a sign, of a floor, of a comparison."""
+    """The values of `Flat` functions: of a sign, of a floor, of a comparison."""
     if kind == 1:
         return mpmath.floor(a)
     return mpmath.sign(a) if kind == 0 else mpmath.mpf(a >= b)
 
 
 class Case(NamedTuple):
-    """An expression, and what its derivatives by some symbols are said to be."""
+    """An expression, and its derivatives with respect to some symbols according to the generator."""
 
     expression: Expr
     slopes: dict[Symbol, Expr]
@@ -103,7 +103,7 @@ def error(case: Case, rng: np.random.Generator) -> float | None:
 
 
 def _put_in(e: s.Expr, defined: dict[Symbol, Expr]) -> s.Expr:
-    """An expression with the statements that define its symbols put into it."""
+    """An expression into which the definitions of its symbols are substituted."""
     names = {theirs(k): v for k, v in defined.items()}
     while inner := [x for x in e.free_symbols if x in names]:
         e = e.xreplace({x: theirs(names[x]) for x in inner})

@@ -51,20 +51,20 @@ loops:
 
 
 def regions_of(model: Model) -> list[int]:
-    """Of each region, how many ears it has."""
+    """The number of ears of each region."""
     chosen = partition(model)
     return [len(region.ears) for region in analyse(model, False, chosen).regions.regions]
 
 
 def operations(model: Model) -> int:
-    """Of udot, per call."""
+    """Operations of udot per call."""
     manifest = write_solver(model, functions=("accelerations",)).manifest
     counts = [manifest["operations"][s]["per_call"] for s in manifest["functions"]["accelerations"]["sweeps"]]
     return sum(of[what] for of in counts for what in ("additions", "multiplications"))
 
 
 def operations_as(one: bool, model: Model, monkeypatch: pytest.MonkeyPatch) -> int:
-    """With the loops as one region, or each on its own."""
+    """Operations with the loops as one region, or as separate regions."""
     with monkeypatch.context() as patched:
         patched.setattr(regions, "is_one_region", lambda *_: one)
         return operations(model)

@@ -40,7 +40,7 @@ def skew(v: Any) -> np.ndarray:
 
 
 def kind(role: str, *, rigid: bool = True, carried: bool = True, first: bool = True) -> EarKind:
-    """Of an ear without links, which hangs on one root."""
+    """The kind of an ear without links that has one root."""
     total = SOURCES + (6 * (FAR + 1) if role == "far" else 0 if rigid else 6)
     return EarKind(
         0, [], [], [role], [FAR if role == "far" else -1], [first], [], [], [], [], SOURCES, total, carried, rigid,
@@ -53,7 +53,7 @@ def root(x: Numbers, role: str, **more: Any) -> Root:
 
 
 def drawn(x: Numbers, *stores_and_fields: Any) -> None:
-    """Random numbers in fields."""
+    """Random numbers for the components of fields."""
     for store, field in stores_and_fields:
         for name in field.components:
             x.memory[store.label, name] = RNG.normal()

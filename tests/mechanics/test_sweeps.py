@@ -35,7 +35,7 @@ def flops(operations: dict, sweeps: tuple[str, ...], part: str = "per_call") -> 
 
 
 def cost(text: str, layout: str = "kinds") -> tuple[int, int, int]:
-    """Operations of udot, of what all directions share, and of one direction."""
+    """Operations of udot, operations that all directions share, and operations of one direction."""
     operations = write_solver(parse_model(text), layout).manifest["operations"]
     return flops(operations, FORWARD), flops(operations, DIRECTION), flops(operations, DIRECTION, "per_direction")
 

@@ -51,7 +51,7 @@ def drawn(n: int, seed: int) -> tuple[Array, Array]:
 
 
 class Eliminated:
-    """A system whose freedoms have been eliminated, in numbers, and the dense matrices of the same."""
+    """A system after elimination, in numbers, and its dense matrices."""
 
     def __init__(self, columns: list[Column], n: int, kept: PivotFields, seed: int = 0, left: range | None = None):
         self.x, self.kept, self.columns, self.left = Numbers(), kept, columns, left
@@ -65,7 +65,7 @@ class Eliminated:
             self.system.eliminate(j, columns[j], self.tau[j], whole, left if j == 0 else None)
 
     def remaining(self, p: Array, tau: Array) -> Array:
-        """The force that is left for the others, densely."""
+        """The remaining force on the other unknowns, by dense matrices."""
         return p + self.Q @ self.S @ np.linalg.solve(self.M, tau - self.S.T @ p)
 
 

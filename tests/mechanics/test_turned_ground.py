@@ -22,7 +22,7 @@ ROTATE = (
 
 
 def axes(angles: tuple[float, ...] = ANGLES) -> np.ndarray:
-    """The matrix of turns about z, x and z."""
+    """The matrix of rotations about z, x and z."""
     (ca, cb, cc), (sa, sb, sc) = np.cos(angles), np.sin(angles)
     about_z = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]])
     about_x = np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])

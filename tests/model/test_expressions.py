@@ -22,7 +22,7 @@ VALUES = {"x": 0.7, "y": -1.3, "L": 2.5, "q.a.1": 0.4, "u.ball.wx": 1.7}
 
 
 def _texts():
-    """Random texts of the grammar together with what Python makes of them."""
+    """Random texts of the grammar, with Python's values."""
     leaves = st.one_of(
         st.integers(0, 20).map(lambda n: (str(n), f"{n}.0")),  # Python's int -0 has no sign
         st.floats(0.01, 9, allow_nan=False).map(lambda v: (repr(v), repr(v))),

@@ -65,7 +65,7 @@ outputs:
 
 
 def by_hand() -> Model:
-    """The walker in one file."""
+    """The walker as a single file."""
     b = ModelBuilder("walker", gravity=[0, 0, -9.81])
     thigh, tilt = b.parameter("thigh", 0.31), b.parameter("tilt", 0.2)
     push = b.input("push")

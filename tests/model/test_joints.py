@@ -19,7 +19,7 @@ CLOSING = [kind for kind in JOINTS.values() if kind.closure]
 
 
 def keys_of(kind: type[JointType], rng: np.random.Generator) -> str:
-    """The keys of a joint's entry beside its type."""
+    """The keys of a joint's entry other than its type."""
     text, axes = {}, given_axes(kind, rng)
     for (key, *place), axis in zip(kind.axis_keys, axes, strict=True):
         text[key] = [*text.get(key, []), axis] if place else axis

@@ -48,7 +48,7 @@ def chain_by_hand(n=6):
 
 
 def flat(model):
-    """Everything of a model as comparable data."""
+    """All contents of a model as data that can be compared."""
     return (
         (model.name, model.gravity, model.parameters, model.inputs, model.initial_q, model.initial_u),
         [(b.name, b.parent, b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation) for b in model.bodies],

@@ -32,7 +32,7 @@ PLACES = [-13.2, -3.0, 0.3, 0.5, 0.9, 3.999, 4.0, 4.3, 7.5, 100.1]
 
 
 def expected(x: float, m: float = 0.7, top: float = 2.0) -> tuple[list[float], list[float], list[float]]:
-    """Forces, their slopes, and their derivatives by m and top, m, top; slopes at points are those on the left."""
+    """Forces, their slopes, and their derivatives with respect to m and top; slopes at points are those on the left."""
     spline = CubicSpline([0.5, 1, 2.5, 4], [1, 3, -1, 1], bc_type="periodic")
     s = np.mod(x, 2 * np.pi)
     xs, ys = np.array([0, 1, 2, 2 * np.pi]), np.array([0, top, 1, 0])

@@ -285,7 +285,7 @@ def test_ten_thousand_random_formulas_have_equal_values_in_both_algebras() -> No
 
 
 def compare(rng: np.random.Generator) -> int:
-    """Both ways: text to sympy and back; at how many points the values were finite, real and equal."""
+    """Compare text and sympy in both directions; returns at how many points values were finite, real and equal."""
     text = random_formula(rng)
     own = bind(parse(text), {})
     theirs = to_sympy(own)

@@ -54,7 +54,7 @@ def spline(x: float) -> tuple[float, float]:
 
 
 def linear(x: float, outside: str, peak: float) -> tuple[float, float, float]:
-    """Value, slope on the left and derivative by the peak of the first table, or of the second with constant ends."""
+    """Value, slope on the left, and derivative with respect to the peak, of the first table, or the second with constant ends."""
     xs, ys, by = (
         ([0, 1, 2.5, 4], [0, peak, 2 * peak, 1], [0, 1, 2, 0]) if outside == "linear" else ([0, 1], [-1, peak], [0, 1])
     )

@@ -34,7 +34,7 @@ def cart(made: Callable[..., Made]) -> Any:
 
 
 def recorded(law: Callable[[Sample], Any], log: list[Any]) -> Callable[[Sample], Any]:
-    """The law, which also appends times and values to a list."""
+    """The control law, which also appends times and values to a list."""
 
     def command(sample: Sample) -> Any:
         found = law(sample)

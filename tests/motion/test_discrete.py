@@ -24,13 +24,13 @@ RK4: Tableau = ([[], [0.5], [0.0, 0.5], [0.0, 0.0, 1.0]], [1 / 6, 1 / 3, 1 / 3, 
 
 
 def dop853() -> Tableau:
-    """E. Hairer's coefficients, as SciPy has them."""
+    """E. Hairer's coefficients, from SciPy."""
     c = pytest.importorskip("scipy.integrate._ivp.dop853_coefficients")
     return [list(map(float, c.A[i, :i])) for i in range(12)], list(map(float, c.B)), list(map(float, c.C[:12]))
 
 
 class Replay:
-    """The steps of a motion once more."""
+    """The steps of a motion, repeated."""
 
     def __init__(self, of: Made, tableau: Tableau, times: Array, inputs: list[float]):
         self.engine = RecursiveEngine(of.model, numbers="mpmath")
@@ -51,7 +51,7 @@ class Replay:
         return np.concatenate([self.engine.coordinate_rates(*state), self.engine.accelerations(*state)])
 
     def run(self, z: Any, p: Any) -> Any:
-        """Outputs and the state at the end."""
+        """Outputs and state at the end."""
         A, b, c = self.tableau
         for begins, ends in zip(self.times[:-1], self.times[1:], strict=True):
             t, h = mpmath.mpf(float(begins)), mpmath.mpf(float(ends - begins))
@@ -65,7 +65,7 @@ class Replay:
         return np.concatenate([np.array(outputs, dtype=object), u])
 
     def along(self, z: Any, p: Any, dz: Any, dp: Any) -> tuple[Array, Array]:
-        """The end and its derivative along a direction."""
+        """The end state and its derivative along a direction."""
         with mpmath.workdps(40):
             z, p, dz, dp = (self.array(x) for x in (z, p, dz, dp))
             h = mpmath.mpf(10) ** -15

@@ -46,14 +46,14 @@ BY = ["k", "c", "x0", "v0", "y0", "w0"]
 
 
 def x_of_1(k: Any = 31.0, c: Any = 0.4, x0: Any = -0.5, v0: Any = 1.0) -> Any:
-    """The damped oscillation of x, a mass of 2.5, after 1 s."""
+    """The damped oscillation x of a mass of 2.5, after 1 s."""
     s = -c / 5.0
     w = np.sqrt(k / 2.5 - s * s)
     return np.exp(s) * (x0 * np.cos(w) + (v0 - s * x0) / w * np.sin(w))
 
 
 def derivatives() -> np.ndarray:
-    """Of `x_of_1`, by complex steps."""
+    """The derivatives of `x_of_1`, by complex steps."""
     values = {"k": 31.0, "c": 0.4, "x0": -0.5, "v0": 1.0}
     return np.array([x_of_1(**values | {n: v + 1e-30j}).imag / 1e-30 for n, v in values.items()])
 

@@ -31,7 +31,7 @@ AT_TWENTY = 0.41090115376294522
 
 
 def turned(count: int, angles: tuple[float, float, float]) -> str:
-    """A02 with so many loops, its plane turned about z, x and z by angles, rad."""
+    """A02 with the given number of loops; its plane is rotated about z, x and z by angles, rad."""
     text = (EXAMPLES / "n_four_bar.yaml").read_text(encoding="utf-8").replace("{N: 2}", f"{{N: {count}}}")
     (ca, cb, cc), (sa, sb, sc) = np.cos(angles), np.sin(angles)
     about_z = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]])
@@ -200,7 +200,7 @@ def test_gradients_do_not_depend_on_memory(flat: Any, integrator: str, tolerance
 
 
 def ways_differ(solver: Any, end: float, **options: Any) -> float:
-    """By how much gradients forward and by the adjoint differ, in parts of the largest entry of each, on the same steps."""
+    """Differences of gradients forward and by the adjoint on the same steps, relative to the largest entry of each."""
     first, second = solver.output_names[:2]
     wanted = [Final(first), Final(second), Integral("kinetic"), At(first, 0.37 * end)]
     wrt = [*solver.parameter_names, *(f"q0.{n}" for n in solver.independent_names)]
@@ -214,7 +214,7 @@ def ways_differ(solver: Any, end: float, **options: Any) -> float:
 
 
 def ladder(made: Callable[..., Made], count: int) -> Any:
-    """A flat ladder of so many loops."""
+    """A flat ladder with the given number of loops."""
     text = (EXAMPLES / "ladder.yaml").read_text(encoding="utf-8")
     assert text.count("L: 3,") == 1
     return made(parsed, text.replace("L: 3,", f"L: {count},")).solver

@@ -40,7 +40,7 @@ def by_table(x):
 
 
 def work(f, start: float, end: float, points) -> float:
-    """The integral of a force, by Gauss's rule on the pieces between its points."""
+    """The integral of a force, by Gauss's rule on the intervals between its points."""
     low, high = sorted((start, end))
     edges = np.array([low, *(p for p in sorted(points) if low < p < high), high])
     at, weights = np.polynomial.legendre.leggauss(4)

@@ -48,7 +48,7 @@ class Exact:
         self.steps, self.h, self.solver = steps, self.mp.mpf(seconds) / steps, solver
 
     def gradients(self, q: Any, u: Any, p: Any, inputs: Any, names: list[str]) -> Any:
-        """Derivatives (names, k) of outputs at the end, by all entries of q, u and p."""
+        """Derivatives (names, k) of outputs at the end with respect to all entries of q, u and p."""
         nq, k = len(q), 2 * len(q) + len(p)
         unit = self.number(np.eye(k))
         dq, du, dp = unit[:, :nq], unit[:, nq : 2 * nq], unit[:, 2 * nq :]
@@ -286,7 +286,7 @@ def test_prescribed_motion(tmp_path: Path) -> None:
 def same_as_differences(
     judge: Any, x: np.ndarray, apart: np.ndarray, tolerance: float, rounding: float = 1e-12
 ) -> np.ndarray:
-    """Checks Hessians against differences of gradients of order six, and their symmetry; returns them."""
+    """Check Hessians against sixth-order differences of gradients, and their symmetry; returns them."""
     found, plain = judge(x, hessian=True), judge(x, method="adjoint")
     hessians = found.hessian_products
     scale = np.abs(hessians).max(axis=(1, 2))

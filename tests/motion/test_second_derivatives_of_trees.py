@@ -20,7 +20,7 @@ PLAIN = tuple(name for name, kind in JOINTS.items() if kind.carries and not kind
 
 
 def same_as_adjoint(solver: codegen.Solver, state: tuple[np.ndarray, ...], seconds: float) -> None:
-    """Both gradients are equal, and Hessians are symmetric, by all parameters, inputs and initial values."""
+    """Check equal gradients and symmetric Hessians with respect to all parameters, inputs and initial values."""
     q, u, p, inputs = state[:4]
     inputs = inputs[: len(solver.signal_names)]
     wanted = [f(n) for n in solver.output_names[:4] for f in (Final, Integral)]

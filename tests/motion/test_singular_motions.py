@@ -186,7 +186,7 @@ def test_another_switch_just_after_the_zero_of_a_root(roots: Solver, integrator:
     found, back = (roots.judge(1.0, Final("x"), method=way, **options) for way in ("forward", "adjoint"))
 
     def speed(x: float) -> float:
-        """By the energy."""
+        """The speed from the energy."""
         return math.sqrt(1 + 4 / 3 * f * max(0, x - a) ** 1.5 + 4 / 5 * g * max(0, x - b) ** 2.5 - 0.2 * x * x)
 
     end = found.values[0]

@@ -46,7 +46,7 @@ METHODS: list[dict[str, Any]] = [
 
 
 def closed_forms(kink_end: float) -> tuple[list[float], np.ndarray]:
-    """Values and derivatives by `NAMES` at t = 1 s, but for the value of `kink` and its derivatives."""
+    """Values and derivatives with respect to `NAMES` at t = 1 s, except for `kink` and its derivatives."""
     t0, x0, s, v0, mu, w = 0.7, 1.0, 0.5, 3.0, 2.0, 5.0
     values, by = [], np.zeros((6, len(NAMES)))
     values.append(t0 * t0 / 2 + t0 * (1 - t0))
@@ -80,7 +80,7 @@ def kinked(x0: float, h: float, k: float) -> float:
 
 
 def derivative(f: Callable[[float], Any], x: float, h: float = 1e-4) -> Any:
-    """Of order six."""
+    """A difference quotient of order six."""
     return sum(c * (f(x + n * h) - f(x - n * h)) for n, c in ((1, 45), (2, -9), (3, 1))) / (60 * h)
 
 
@@ -206,7 +206,7 @@ outputs: {{x: {{value: q.block}}, v: {{value: u.block}}, step: {{value: "if(q.bl
 
 
 def alone(force: str, q: float, u: float) -> str:
-    """A block of 1 kg with a force."""
+    """A block of 1 kg with a single force."""
     value = f'type: joint, joint: block, value: "{force}"'
     return ALONE.format(joint="prismatic, axis: x", force=value, q=q, u=u)
 

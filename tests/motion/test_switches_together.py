@@ -41,7 +41,7 @@ EXACT: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-12}
 
 
 def differences(solver: Any, wanted: Any, inputs: Any) -> np.ndarray:
-    """Derivatives by `NAMES` from motions at 1e-13."""
+    """Derivatives with respect to `NAMES` by differences of motions at 1e-13."""
     p = np.array([1.0, 0.3, 0.5, 0.5, -(12**0.5)])
 
     def values(x: float, i: int) -> np.ndarray:

@@ -32,7 +32,7 @@ WANTED = [Final("x"), Final("w"), Final("y"), AtEvent("w", Event("past", stop=Fa
 
 
 def near(solver: Any, apart: float, wanted: Any = WANTED, **options: Any) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Values, derivatives and messages; q.y passes `a` at 0.2 s, and q.x passes `b` later by the given time."""
+    """Values, derivatives and messages; q.y passes `a` at 0.2 s, and q.x passes `b` later by a given time."""
     at = solver.simulate([0.0, 0.1, 0.2], rtol=1e-13, atol=1e-13)
     p = {"a": at.q[-1, 1], "b": at.q[-1, 0] + apart * at.u[-1, 0]}
     with warnings.catch_warnings(record=True) as said:

@@ -50,7 +50,7 @@ WAYS = pytest.mark.parametrize("way", ["forward", "adjoint"])
 
 
 def gradients(solver: Any, wanted: Any, names: Any, **options: Any) -> tuple[Any, list[str]]:
-    """What `judge` gives for a motion of 1 s, and its warnings."""
+    """The results of `judge` for a motion of 1 s, and its warnings."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = solver.judge(1.0, wanted, wrt=names, **options)

@@ -87,7 +87,7 @@ def mechanism(seed: int, scene: str) -> tuple[Model, tuple[Any, ...]]:
 
 
 def with_points(model: Model) -> Model:
-    """The model without outputs; a point with a name moves with a parameter in its body."""
+    """The model without outputs; one of its named points moves in its body with a parameter."""
     of = model.parameters[0].name if model.parameters else "0.4"
     last = len(model.bodies) - 1
     points = (Point("tip", last, vector("0.1", f"0.3*{of}", f"{of}**2")), Point("stone", GROUND, vector(of, "1", "2")))
@@ -95,7 +95,7 @@ def with_points(model: Model) -> Model:
 
 
 def declared(model: Model) -> Model:
-    """The same model with an output for every number: of each body frame and a point, then of the points with names."""
+    """The same model with an output for every number: of each body frame and an unnamed point, then of the named points."""
     found: list[Output] = []
 
     def vectors(point: Point) -> None:
@@ -115,7 +115,7 @@ def declared(model: Model) -> Model:
 
 
 def numbers(solver: codegen.Solver, state: tuple[Any, ...], **seeds: Any) -> tuple[Any, Any, Any]:
-    """What `declared` has, from frames and points, and its derivatives; and angular accelerations."""
+    """The values of the outputs of `declared`, from `frames` and `points`, with derivatives, and angular accelerations."""
     names = list(solver._manifest["bodies"])
     frames = solver.frame_sensitivities(*state, accelerations=True, **seeds)
     placed = [(n, PLACE) for n in names]
@@ -136,7 +136,7 @@ def numbers(solver: codegen.Solver, state: tuple[Any, ...], **seeds: Any) -> tup
 
 
 def error(found: Any, expected: Any) -> float:
-    """Largest difference of vectors and rows of matrices, relative to the largest vector or one."""
+    """Largest difference of vectors and rows of matrices, relative to the largest vector or to one."""
     a, b = (np.asarray(x, float).reshape(-1, 3) for x in (found, expected))
     return float(np.max(np.linalg.norm(a - b, axis=1)) / max(1.0, float(np.max(np.linalg.norm(b, axis=1)))))
 
@@ -174,7 +174,7 @@ def test_against_outputs_of_a_second_model_and_the_dense_engine_in_many_digits(
 
 
 def check(model: Model, state: tuple[Any, ...], solver: codegen.Solver) -> None:
-    """Values and derivatives, to rounding of the loops' condition."""
+    """Check values and derivatives, up to rounding times the loops' condition number."""
     cond = max((ear.condition for ear in partition(model).ears), default=1.0) if model.loops else 1.0
     exact = DenseEngine(model, numbers="mpmath")
     seeds = seeds_of(DenseEngine(model), state, np.random.default_rng(3))
@@ -213,7 +213,7 @@ def test_against_generated_outputs(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def solver(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    """Of the tree that has every way in which a body can lie in its link, and points."""
+    """The solver of the tree in which bodies lie in their links in every possible way, with points."""
     return codegen.load(
         codegen.generate(parse_model(WITH_POINTS), tmp_path_factory.mktemp("tree"), "numpy", frames=True).folder
     )

@@ -51,7 +51,7 @@ def mechanism(seed: int, scene: str) -> tuple[Model, tuple[Any, ...]]:
 
 
 def check(model: Model, state: tuple[Any, ...], solver: codegen.Solver) -> None:
-    """Values and derivatives of every single output, and the transpose of all of them."""
+    """Check values and derivatives of each output, and the transpose of all outputs together."""
     rng = np.random.default_rng(3)
     cond = max((ear.condition for ear in partition(model).ears), default=1.0) if model.loops else 1.0
     limit = max(1e-10, 50 * EPS * cond**2)
@@ -76,7 +76,7 @@ def check(model: Model, state: tuple[Any, ...], solver: codegen.Solver) -> None:
 
 
 def along_motion(model: Model, state: tuple[Any, ...], solver: codegen.Solver) -> None:
-    """Outputs that are derivatives in time of others: the generated directional derivatives say so."""
+    """Check outputs that are time derivatives of others by directional derivatives along the motion."""
     q, u, p, inputs, t = state
     if model.loops:
         u = solver.assemble(q, u, p)[1]

@@ -38,7 +38,7 @@ POINTS = {"tip": ("slide", (0.1, -0.2, 0.3)), "rim": ("wheel", (0.3, 0.1, 0))}
 
 
 def theirs(model: Any) -> Any:
-    """The same model, with frames at the points."""
+    """The same model in Pinocchio, with frames at the points."""
     made = pin.Model()
     made.gravity.linear = np.array([e.value for e in model.gravity])
     joints = {"hull": pin.JointModelFreeFlyer(), "arm": pin.JointModelRY(), "slide": pin.JointModelPX(),

@@ -53,7 +53,7 @@ def test_loops(tmp_path: Path, seed: int) -> None:
 
 
 def by_input_and_written_out(rng: np.random.Generator) -> tuple[Model, Model, np.ndarray] | None:
-    """A random tree with a coordinate that follows an input, and that as a cubic; its coefficients (4,)."""
+    """A random tree with a coordinate that follows an input, the same with a cubic polynomial, and its coefficients (4,)."""
     model = random_tree(rng, int(rng.integers(2, 5)), EVERY)
     names = [
         n for b in model.bodies if not b.joint.kind.quaternions for n in joint_coordinates(b.name, b.joint.type)[0]

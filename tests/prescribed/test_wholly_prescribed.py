@@ -42,7 +42,7 @@ def lift_in_closed_form(p: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def by_parameters(p: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Derivatives of the two, (4, nt, 2), by complex steps."""
+    """Derivatives (4, nt, 2) of force and torque with respect to p, by complex steps."""
     steps = np.eye(4) * 1e-30j
     return np.array([np.stack(lift_in_closed_form(p + s, t), axis=-1).imag / 1e-30 for s in steps])
 

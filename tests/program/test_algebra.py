@@ -19,7 +19,7 @@ NAMES = ("a", "b", "c", "d_1", "d_10", "W")
 
 
 def theirs(e: Expr) -> sympy.Expr:
-    """The same expression in sympy, not simplified anew."""
+    """The same expression in sympy, without further simplification."""
     if isinstance(e, Symbol):
         return sympy.Symbol(e.name)
     if isinstance(e, Number):

@@ -35,7 +35,7 @@ def evaluated(e: algebra.Expr, values: dict[Symbol, float]) -> float:
 
 
 def run(block: Block, state: State) -> State:
-    """The memory after a block; what it does not load does not matter to it."""
+    """The memory after a block has run; locations that the block does not load have no effect."""
     found: dict[Symbol, float] = {s: state.get(at, 0.0) for s, at in block.loads.items()}
     for t in block.statements:
         found[t.target] = evaluated(t.expression, found)

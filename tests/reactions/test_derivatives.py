@@ -36,7 +36,7 @@ made = partial(made_once.made, target="numpy", functions=CHOSEN, compile="all")
 
 
 def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: dict[str, Any]) -> dict[str, float]:
-    """Errors of values and derivatives, and whether the values are those of `reactions`."""
+    """Errors of values and derivatives, and whether the values equal those of `reactions`."""
     engine = DenseEngine(model)
     joints, loops, djoints, dloops = solver.reaction_sensitivities(*state, **seeds)
     for found, expected in zip((joints, loops), solver.reactions(*state), strict=True):

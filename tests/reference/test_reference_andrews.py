@@ -58,7 +58,7 @@ LATER_LAMBDA = (
 
 
 def andrews():
-    """In the x-y plane; every body turns about z. Independent is the crank's angle beta."""
+    """Andrews' mechanism in the x-y plane; all bodies rotate about z, and the crank's angle beta is independent."""
     zero = expression(0)
 
     def body(name, parent, at, k, com):

@@ -19,7 +19,7 @@ def tree(seed, n=4):
 
 
 def difference(function, arguments, directions, j):
-    """The central difference of a function's result along direction j of its arguments, flat."""
+    """The central difference of a function's result with respect to argument direction j, flat."""
     h = mpmath.mpf(10) ** -20
     up = function(*(a + h * d[j] for a, d in zip(arguments, directions, strict=True)))
     down = function(*(a - h * d[j] for a, d in zip(arguments, directions, strict=True)))

@@ -26,7 +26,7 @@ from codegen.reference.pairs import Pair, Pairs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Thruster(ForceElement):
-    """A force and a torque in the axes of its body: nothing that models have."""
+    """A force and a torque in the axes of its body: an element type that models do not have."""
 
     type: ClassVar[str] = "thruster"
 
@@ -71,7 +71,7 @@ def test_every_element_has_a_law_and_every_output_a_value():
 
 
 def ends(rng: np.random.Generator, count: int, pairs: Pairs) -> list[End]:
-    """At random, moving along every one of 3 count directions of their positions."""
+    """Random attachment points, each of which moves along every one of 3 count directions."""
     result = []
     for i in range(count):
         seed = np.zeros((3 * count, 3, 1))
@@ -115,7 +115,7 @@ def test_a_spring_whose_ends_coincide():
 
 
 def model(rng: np.random.Generator) -> Model:
-    """A thruster on the second of three bodies, a motor, a spring: all that Model tells apart."""
+    """A model with a thruster on the second of three bodies, a motor and a spring."""
     joints = [joint(JOINTS[name], rng, placed=True) for name in ("free", "universal", "revolute")]
     bodies = tuple(body(f"b{k}", k - 1 if k else GROUND, on, rng) for k, on in enumerate(joints))
     thruster = Thruster("t", Point("", 1, vector(0.3, -0.2, 0.5)), vector(1, "2*u.b2", -1), vector("q.b2", 0.5, 2))

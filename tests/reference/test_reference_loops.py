@@ -26,7 +26,7 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 
 def case(seed, mechanism, k=3):
-    """Engines of some fair partition, seeds, and the condition of the closure."""
+    """Engines with a partition that is not the best, seeds, and the condition number of the closure."""
     rng = np.random.default_rng([seed, 7])
     chosen = random_partition(rng, mechanism.model, mechanism.q, mechanism.p)
     engines = [engine(mechanism.model, partition=chosen) for engine in ENGINES]

@@ -55,7 +55,7 @@ def four_bar(dependent=(1, 2)):
 
 
 def four_bar_angles(q, p):
-    """Angles about y of coupler and rocker from the crank's: two circles about the crank's tip and the foot."""
+    """Angles of coupler and rocker about y, from the crank's: intersection of two circles about the crank's tip and the foot."""
     a, b, c, d = p[:4]
     x, z = d - a * mpmath.sin(q), -a * mpmath.cos(q)  # from the tip to the foot: b (sin, cos) B + c (sin, cos) C
     r2, heading = x * x + z * z, mpmath.atan2(x, z)

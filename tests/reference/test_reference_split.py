@@ -22,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 
 def split_random(count, first):
-    """Random mechanisms with spherical and free joints whose partition divides some."""
+    """Random mechanisms with spherical and free joints, whose partition splits some of them."""
     for seed, m in random_mechanisms(20 * count, first, joints=("revolute", "spherical", "free"), scene="spatial"):
         if count and partition(m.model).split(m.model):
             yield seed, m

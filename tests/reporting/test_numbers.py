@@ -36,7 +36,7 @@ TIMES = re.compile("seconds of|peak, ")
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
-    """The folder of a report of the slider-crank; two processes take its times."""
+    """The folder of a report of the slider-crank, whose times come from two processes."""
     folder = tmp_path_factory.mktemp("first") / "report"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(processes, "PROCESSES", 2)
@@ -56,7 +56,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def solver(made):
-    """Compiled as the report's was."""
+    """A solver that is compiled like the report's."""
     return codegen.load(made.folder)
 
 
@@ -359,7 +359,7 @@ def test_a_report_agrees_with_itself(one):
 
 
 def entry(path):
-    """Changes the number at a place of a report."""
+    """Change a number of a report."""
 
     def change(data, by):
         *way, last = path

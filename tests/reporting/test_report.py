@@ -24,7 +24,7 @@ QUICK = Request(end=0.5, timing=0.01, reference=300.0)  # no state is left out, 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """A report of the four-bar, its folder, and what the function gave; two processes take its times."""
+    """A report of the four-bar, its folder, and the function's result; two processes measure its times."""
     folder = tmp_path_factory.mktemp("report") / "four_bar"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(processes, "PROCESSES", 2)

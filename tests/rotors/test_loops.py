@@ -24,7 +24,7 @@ from codegen.reference import DenseEngine, RecursiveEngine
 
 
 def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: Any) -> dict[str, float]:
-    """Of every function against both engines, and of the transposes."""
+    """Errors of every function against both engines, and of the transposes."""
     found = transposes(solver, state, np.random.default_rng(0))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of parameters that open redundant conditions

@@ -157,7 +157,7 @@ def test_a_rotor_far_heavier_than_all_it_drives_costs_no_digits(tmp_path: Path) 
 
 @pytest.fixture(scope="module")
 def free(tmp_path_factory: pytest.TempPathFactory) -> codegen.Solver:
-    """The arm without its drive, compiled."""
+    """The solver of the arm without its drive, compiled."""
     folder = tmp_path_factory.mktemp("free") / "free"
     text = ARM[: ARM.index("forces:")] + ARM[ARM.index("outputs:") :]
     codegen.generate(parse_model(text), folder, target="c", compile="all")

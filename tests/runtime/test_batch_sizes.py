@@ -45,7 +45,7 @@ bodies:
 
 
 def turned(rng: np.random.Generator, model: Model) -> Model:
-    """The model with some of its hinges turned about their own axes, by numbers."""
+    """The model with some of its hinges rotated about their own axes by numbers."""
     bodies = []
     for b in model.bodies:
         if b.joint.type == "revolute" and rng.random() < 0.6:
@@ -86,7 +86,7 @@ def drawn_mechanism(rng: np.random.Generator) -> tuple[Model, list[tuple[Any, ..
 def arguments(
     solver: codegen.Solver, states: list[tuple[Any, ...]], rng: np.random.Generator, k: int
 ) -> dict[str, Any]:
-    """All that functions take, of all states: arguments (states, entries), seeds (k, states, entries)."""
+    """All arguments of the functions for all states: arguments (states, entries), seeds (k, states, entries)."""
     n = len(states)
     given = {name: np.array([s[i] for s in states], float) for i, name in enumerate(("q", "u", "p", "inputs", "t"))}
     shapes = solver._shapes
@@ -101,7 +101,7 @@ def arguments(
 
 
 def some(given: dict[str, Any], f: Any, states: slice, shared: set[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arguments and seeds of some of the states; what is shared has no batch axis, but axes of one in seeds."""
+    """Arguments and seeds of some of the states; shared ones have no batch axis, or in seeds an axis of length one."""
     taken = {a: given[a][0] if a in shared else given[a][states] for a in f.arguments}
     along = {s: given[s][:, :1] if s in shared else given[s][:, states] for s in f.seeds}
     return taken, along
@@ -115,7 +115,7 @@ def call(
 
 
 def singles(target: Any, f: Any, given: dict[str, Any], n: int, k: int, shared: set[str]) -> list[Array] | None:
-    """Results of the states one by one; nothing where one of them is singular."""
+    """Results of the states one by one; None if one of them is singular."""
     found = []
     try:
         for i in range(n):
@@ -129,7 +129,7 @@ def singles(target: Any, f: Any, given: dict[str, Any], n: int, k: int, shared: 
 
 
 def disagreement(target: Any, f: Any, given: dict[str, Any], sizes: tuple[int, ...], k: int, shared: set[str]) -> float:
-    """The largest error of batches of these sizes, against the results of single states."""
+    """The largest error of batches of these sizes, relative to the results of single states."""
     n = max(sizes)
     expected = singles(target, f, given, n, k, shared)
     if expected is None:
@@ -155,7 +155,7 @@ def disagreement(target: Any, f: Any, given: dict[str, Any], sizes: tuple[int, .
 
 
 def check_few(target: Any, f: Any, taken: dict[str, Any], along: dict[str, Any], found: list[Array]) -> None:
-    """The call of small batches gives the same, where there is one that takes these arguments."""
+    """Check that the function for small batches, if it takes these arguments, gives the same results."""
     given = tuple([taken.get(n, 0.0 if n == "t" else None) for n in f.order])
     small = target.calls[f.name](given, tuple([along.get(s) for s in f.directions]) if f.seeds else None, None)
     for name, x, y in zip(f.results, small or (), found, strict=small is not None):
@@ -166,7 +166,7 @@ def check_few(target: Any, f: Any, taken: dict[str, Any], along: dict[str, Any],
 def check(
     model: Model, states: list[tuple[Any, ...]], folder: Any, rng: np.random.Generator, sizes: tuple[int, ...]
 ) -> None:
-    """Every function of a package over batches of these sizes, with arguments of each state and shared ones."""
+    """Check every function of a package on batches of these sizes, with separate and with shared arguments."""
     codegen.generate(model, folder, check=False)
     solver = codegen.load(folder)
     k = int(rng.integers(1, 4))
@@ -197,7 +197,7 @@ def drawn(rng: np.random.Generator) -> tuple[Model, list[tuple[Any, ...]]]:
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Functions over several states are compiled at the first batch."""
+    """Compiles functions over several states at the first batch."""
     monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
 
 

@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def many(monkeypatch):
-    """Four processors, on which nothing else limits the threads."""
+    """Four processors, with no other limit on the number of threads."""
     monkeypatch.setattr(threads.os, "sched_getaffinity", lambda process: {0, 1, 2, 3}, raising=False)
     monkeypatch.setattr(threads, "_quota", lambda: math.inf)
     monkeypatch.delenv(LIMIT, raising=False)
@@ -39,7 +39,7 @@ def many(monkeypatch):
 
 @pytest.fixture
 def solver(folder, many, monkeypatch):
-    """One whose large batches are shared however small they are."""
+    """A solver that shares large batches among threads even if they are small."""
     monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
     monkeypatch.setattr(threads, "WORTH_A_THREAD", 1)
     return codegen.load(folder)
@@ -185,7 +185,7 @@ def test_a_library_that_cannot_be_had_is_reported_only_if_threads_were_asked_for
 
 @pytest.fixture(scope="module")
 def framed(tmp_path_factory):
-    """A package whose functions along directions are in several libraries, and some of them are made of others."""
+    """A package with several libraries of functions along directions; some functions are composed of others."""
     path = tmp_path_factory.mktemp("framed") / "model"
     codegen.generate(MODEL, path, functions=["energy_sensitivities", "frame_sensitivities"], frames=True, check=False)
     return path
@@ -280,7 +280,7 @@ forces:
 
 
 def both_ways(solver, name, *given, **named):
-    """What the compiled call gives for a large batch, and what the general path gives in its place."""
+    """The results of the compiled call for a large batch, and of the general path."""
     call = getattr(solver, name)
     kept = dict(solver._calls)
     found = call(*given, **named)

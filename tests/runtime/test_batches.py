@@ -38,7 +38,7 @@ FUNCTIONS = ["accelerations", "sensitivities", "gradients", "energies"]
 
 
 class WithoutProducts(np.ndarray):
-    """An array that asks nothing of BLAS, whose threads make whoever waits for them spin on a busy machine."""
+    """An array that uses no BLAS, since its threads keep other threads waiting on a busy machine."""
 
     def dot(self, other):
         raise AssertionError("a product")
@@ -73,7 +73,7 @@ def model_of(name):
 
 @pytest.fixture(scope="module", params=["rope", "tree", "mechanism", "four_bar"])
 def package(request, tmp_path_factory):
-    """A package with few functions, and its model; all that is compiled rounds every operation."""
+    """A package with few functions, and its model; its code rounds every operation."""
     model = model_of(request.param)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ORDERNM_CFLAGS", SAME_ROUNDING)
@@ -84,14 +84,14 @@ def package(request, tmp_path_factory):
 
 @pytest.fixture
 def at_once(monkeypatch):
-    """Functions over several states are compiled at the first batch, and work on small ones too."""
+    """Compiles functions over several states at the first batch, and uses them for small batches too."""
     monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
     monkeypatch.setattr(single_calls, "FEW", 0)
     monkeypatch.setattr(single_calls, "FEW_ALONG", 0)
 
 
 def load(folder, **options):
-    """A solver of this checkout's run time, which tests can change."""
+    """A solver with the run time of this checkout, which tests can patch."""
     return codegen.load(folder, **options)
 
 

@@ -38,7 +38,7 @@ def odd(tmp_path_factory):
 
 @pytest.fixture
 def copied(odd, tmp_path):
-    """A copy to damage."""
+    """A copy of a package that tests may damage."""
     folder = tmp_path / "odd"
     folder.mkdir()
     shutil.copytree(odd, folder, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
@@ -199,7 +199,7 @@ def solver(request, odd):
 
 
 def told(call):
-    """Results and what was said of them; NumPy's own warnings left out."""
+    """Results, and the warnings except those of NumPy."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = call()

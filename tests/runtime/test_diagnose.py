@@ -61,7 +61,7 @@ def four_bar(solver_of: Callable[..., codegen.Solver]) -> codegen.Solver:
 
 
 def at_crank(solver: codegen.Solver, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """An assembled state whose crank has an angle, on the way from the initial one."""
+    """An assembled state with a given crank angle, followed from the initial state."""
     q, _ = solver.initial
     for part in np.linspace(q[0], angle, 8):
         q, u = solver.assemble([part, q[1], q[2]], [1.0, 0.0, 0.0])
@@ -276,7 +276,7 @@ def test_conditions_of_a_mechanism_are_those_of_dense_matrices(tmp_path: Path, s
 
 
 def measure(A: np.ndarray) -> float:
-    """The condition of section 4.7 of the theory page."""
+    """The condition number of section 4.7 of the theory page."""
     n = A.shape[1]
     size = max(np.linalg.norm(A), np.sqrt(n)) / n if n > 1 else 1.0
     return max(1.0, float(np.linalg.norm(np.linalg.pinv(A)) * size))

@@ -31,7 +31,7 @@ def states(solver):
 
 @pytest.fixture
 def counted(solver, monkeypatch):
-    """How many batches were small, and were not passed on."""
+    """A list of the small batches passed to direct calls, and whether the direct calls computed them."""
     found = []
     calls = solver._calls
 
@@ -50,7 +50,7 @@ def counted(solver, monkeypatch):
 
 
 def rows(call, *arrays):
-    """Results of single calls, stacked; those of several results result by result."""
+    """Stacked results of single calls; functions with several results give one stack for each."""
     return [call(*(a[i] for a in arrays)) for i in range(N)]
 
 

@@ -64,7 +64,7 @@ def made(tmp_path_factory):
 
 
 def of_engine(engine, solver, q, u, p, inputs, t, h):
-    """A, B, C, D in the engine's numbers; the bracket of motions by central differences of step h."""
+    """A, B, C, D in the engine's numbers; commutators of motions by central differences with step h."""
     nu, ni = solver.nu, solver.ninputs
     own = [solver.speed_names.index(n) for n in solver.independent_speed_names]
     units, n = np.eye(nu)[own], len(own)
@@ -106,7 +106,7 @@ def floats(x):
 
 
 def differ(found, expected, rtol):
-    """Largest difference against the largest entry."""
+    """Largest difference divided by the largest entry."""
     found, expected = np.asarray(found), np.asarray(expected)
     assert found.shape == expected.shape
     assert np.abs(found - expected).max(initial=0.0) <= rtol * max(1.0, np.abs(expected).max(initial=0.0))
@@ -263,7 +263,7 @@ def test_a_cart_that_is_free_has_two_zero_eigenvalues(made):
 
 
 def check(solver, model, state, digits=40, names=None):
-    """A, B, C, D against the dense engine, and their derivatives against those of 40 digits."""
+    """Check A, B, C, D against the dense engine, and their derivatives against those in 40 digits."""
     q, u, p, inputs, t = state
     q, u = solver.assemble(q, u, p)
     with warnings.catch_warnings():

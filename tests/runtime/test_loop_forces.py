@@ -24,7 +24,7 @@ T = 0.3
 
 
 def pushed(model: Model, independent: tuple[str, ...]) -> Model:
-    """The model with an input more for each independent speed: a force on it."""
+    """The model with an additional input for each independent speed: a force along it."""
     forces, inputs, at = list(model.forces), list(model.inputs), 0
     for k, body in enumerate(model.bodies):
         speeds = model.released.speed_names[at : (at := at + len(body.joint.kind.speeds))]
@@ -40,7 +40,7 @@ def pushed(model: Model, independent: tuple[str, ...]) -> Model:
 
 @pytest.fixture(scope="module", params=NAMES)
 def case(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, Any]:
-    """The solver, that of the pushed model, and that of the tree without its loops."""
+    """The solver, the solver of the pushed model, and the solver of the tree without its loops."""
     folder: Path = tmp_path_factory.mktemp(request.param)
     drawn = bars("cart", True) if request.param in NAMES[-2:] else load_model(EXAMPLES / f"{request.param}.yaml")
     model = with_rotors(np.random.default_rng(1), drawn, 1.0) if request.param == "geared" else drawn

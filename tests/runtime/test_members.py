@@ -29,7 +29,7 @@ def seeds_of(solver, rng, *lead):
 
 
 def close(a, b, rtol=1e-11):
-    """Largest difference against largest reference; both targets round alike, batches need not."""
+    """Check the largest difference divided by the largest reference; targets round alike, batches may differ."""
     a, b = np.asarray(a), np.asarray(b)
     assert a.shape == b.shape
     assert np.max(np.abs(a - b), initial=0.0) <= rtol * max(np.max(np.abs(b), initial=0.0), 1e-12)
@@ -190,7 +190,7 @@ def test_forces_and_accelerations_belong_together(satellite):
 
 
 def methods(text: str) -> dict[str, ast.FunctionDef]:
-    """Those of the class in a text of `Solver`, by name."""
+    """The methods of the class in a text of `Solver`, by name."""
     (solver,) = (node for node in ast.parse(text).body if isinstance(node, ast.ClassDef))
     return {node.name: node for node in solver.body if isinstance(node, ast.FunctionDef)}
 

@@ -47,7 +47,7 @@ def folder(request, tmp_path_factory):
 
 @pytest.fixture(params=["api", "abi"])
 def both(request, folder, monkeypatch):
-    """A solver, and the same with the general path alone."""
+    """A solver, and the same solver with the general path only."""
     monkeypatch.setenv("ORDERNM_CFFI", request.param)
     fast, general = (codegen.load(folder, "c") for _ in range(2))
     general._calls = general._target.calls = NoCalls()
@@ -55,7 +55,7 @@ def both(request, folder, monkeypatch):
 
 
 def kinks(rng, x, names):
-    """Ways to pass an array that mean the same, and some that are errors."""
+    """Equivalent ways to pass an array, and some wrong ones."""
     strided = np.repeat(x, 2, axis=-1)[..., ::2]
     apart = np.frombuffer(b"\0" + x.tobytes(), np.uint8)[1:].view(x.dtype).reshape(x.shape)
     frozen = x.copy()

@@ -14,7 +14,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
-    """A package of which nothing is compiled but its first library, and the parts that are compiled from now on."""
+    """A package with only its first library compiled, and a list of the parts compiled later."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     codegen.generate(codegen.load_model(EXAMPLES / "four_bar.yaml"), tmp_path / "four_bar", check=False)
     solver = codegen.load(tmp_path / "four_bar")

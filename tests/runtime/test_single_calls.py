@@ -38,7 +38,7 @@ TAKE_OUT = {
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """The package of a model, generated where it is needed first."""
+    """The package of a model, generated when it is first needed."""
     folder = tmp_path_factory.mktemp("single")
 
     def made(name):
@@ -53,7 +53,7 @@ def package(tmp_path_factory):
 
 @pytest.fixture(params=MODELS)
 def both(request, package):
-    """A solver, and the same without the faster path; how many calls have taken it."""
+    """A solver, the same solver without the fast path, and the number of calls that used the fast path."""
     fast, general = (codegen.load(package(request.param), "c") for _ in range(2))
     general._calls = general._target.calls = NoCalls()
     fast._calls = Counted(fast._calls)
@@ -61,7 +61,7 @@ def both(request, package):
 
 
 class Counted(dict):
-    """The calls of a solver; lists which have gone straight to the C."""
+    """The calls of a solver; records those that went directly to C."""
 
     def __init__(self, calls):
         super().__init__()
@@ -78,7 +78,7 @@ class Counted(dict):
 
 
 def draw(solver, rng, k=None):
-    """A random closed state, accelerations or forces, and seeds of everything."""
+    """A random closed state, accelerations or forces, and seeds of all arguments."""
     q, u = solver.initial
     if not solver.closure_names:
         q, u = q + 0.1 * rng.normal(size=q.shape), rng.normal(size=u.shape)
@@ -136,7 +136,7 @@ def test_places_are_looked_at_again_when_others_have_their_addresses(both):
 
 
 def calls(solver, k=None, seed=11):
-    """Calls of every function that the solver has: name, arguments, and those by name."""
+    """Calls of every function of the solver: name, positional and named arguments."""
     rng = np.random.default_rng(seed)
     state, force, seeds = draw(solver, rng, k)
     q, u, p, inputs, t = state
@@ -159,7 +159,7 @@ def calls(solver, k=None, seed=11):
 
 
 def made_of_others(solver, name):
-    """Whether a member is not a function of the C, but a loop over some, or nothing at all."""
+    """Whether a member is a loop over C functions, or empty, and not a C function itself."""
     if solver.closure_names:
         return name.startswith(("mass_matrix", "assemble")) or "dynamics_s" in name or "bias_force_s" in name
     return name.startswith(("closure", "assemble"))
@@ -192,7 +192,7 @@ def test_results_do_not_share_memory_with_anything(both):
 
 
 def odd(x):
-    """What is no plain array but means the same, or an error in both paths."""
+    """Arguments that are no plain arrays but equivalent, or that are errors in both paths."""
     yield x.tolist()
     yield np.repeat(x, 2)[::2]
     yield x[::-1].copy()[::-1]

@@ -53,7 +53,7 @@ EVERY_MEMBER = ("arm", "four_bar")
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """Gives the solvers of a model in single and in double precision."""
+    """Returns the solvers of a model in single and in double precision."""
 
     @cache
     def of(name: str) -> tuple[Any, Any]:
@@ -81,7 +81,7 @@ def states(solver: Any, count: int, seed: int) -> tuple[Any, Any, Any]:
 
 
 def off(found: Any, expected: Any) -> float:
-    """Difference against the largest entry of the state's."""
+    """Difference divided by the largest entry of the state's result."""
     axes = tuple(range(1, found.ndim))
     return float(np.max(np.abs(found - expected).max(axis=axes) / np.abs(expected).max(axis=axes)))
 

@@ -18,7 +18,7 @@ def four_bar(request, packages):
 
 @pytest.fixture
 def evaluations(four_bar, monkeypatch):
-    """Names of the generated functions without directions that were called."""
+    """Names of the generated functions without directions that a call evaluates."""
     called = []
     run, calls = four_bar._target.run, four_bar._calls
 

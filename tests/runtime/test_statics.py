@@ -236,7 +236,7 @@ def test_split_joints(made, name):
 
 
 def draws():
-    """Random mechanisms and trees, with springs and forces, and guesses."""
+    """Random mechanisms and trees with springs and forces, and guesses."""
     for _, drawn in random_mechanisms(2, first=40, bodies=(3, 4), loops=(1, 1)):
         yield drawn.model, drawn[1:6]
     for seed in range(4):

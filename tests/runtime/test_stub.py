@@ -51,7 +51,7 @@ def methods(stub: str) -> dict[str, ast.FunctionDef]:
 
 
 def arguments(solver: Solver, name: str) -> dict[str, object]:
-    """Values for all that a method takes but options."""
+    """Values for all arguments of a method except options."""
     q, u = solver.initial
     weights = {"energy_gradients": 2, "output_gradients": solver.noutputs, "coordinate_rate_gradients": solver.nq}
     known = {

@@ -38,7 +38,7 @@ STATS = {"method": "dop853", "steps": 12, "evaluations": 144, "seconds": 0.0123,
 
 
 def make(nt=51, by=("length", "mass"), noutputs=2, **changes) -> Trajectory:
-    """A crank and a rod that swing; every array differs from every other."""
+    """A trajectory of a swinging crank and rod; no two arrays are equal."""
     t = np.linspace(0.0, 5.0, nt)
     k = len(by)
     series = [np.sin((i + 1) * t + 0.3 * i) * np.exp(-0.1 * t) for i in range(4 + noutputs)]
@@ -230,7 +230,7 @@ def test_what_it_shows():
 
 
 class Checked(HTMLParser):
-    """Fails where tags do not nest."""
+    """An HTML parser that fails if tags are not nested."""
 
     def __init__(self):
         super().__init__()
@@ -326,7 +326,7 @@ def same_bits(a: Trajectory, b: Trajectory) -> None:
 
 
 def odd() -> Trajectory:
-    """Numbers that are easily lost: NaN of several kinds, infinities, the negative zero, the smallest and the largest."""
+    """Numbers that may be lost in files: several NaNs, infinities, negative zero, the smallest and the largest number."""
     names = {"coordinate_names": ("größe", "角 度"), "output_names": ("тело", "a\nb\"'\\"), "parameter_names": ("ℓ", "mass"),
              "sensitivity_names": ("ℓ", "mass"), "p": [-0.0, 0.1 + 0.2]}  # fmt: skip
     stats = STATS | {"nan": np.nan, "list": (1, 2.5, None), "flag": np.bool_(True), "deep": {"α": np.float64(1e-320)}}
@@ -339,7 +339,7 @@ def odd() -> Trajectory:
 
 
 def stopped() -> Trajectory:
-    """With two events, one of which touches its level only."""
+    """A trajectory with two events, one of which only touches its level."""
     x = make()
     nq, nu, no, k = (x.q.shape[1], x.u.shape[1], x.outputs.shape[1], len(x.dq))
     rng = np.random.default_rng(5)
@@ -497,7 +497,7 @@ def test_another_table_of_parquets_is_told(tmp_path):
 
 
 def with_header(path: Path, **changes) -> None:
-    """An ``.npz`` whose header says something else."""
+    """An ``.npz`` file with a changed header."""
     with np.load(path) as archive:
         arrays = {name: archive[name] for name in archive.files}
     header = json.loads(arrays["header"].tobytes()) | changes

@@ -91,7 +91,7 @@ outputs: {height: {position: rocker, axis: z}}
 
 
 def example(path: Path) -> str:
-    """The text of a shipped model, shorter where it says how long it is."""
+    """The text of a shipped model, shortened if it has a constant for its length."""
     text = path.read_text()
     for long, short in ((r"\bn: 12\b", "n: 4"), (r"\bL: 3\b", "L: 2")):
         if path.stem in ("chain", "ladder", "hooke_ladder"):
@@ -105,7 +105,7 @@ SANITIZERS = ((GCC, GCC_NATIVE, GCC_PLAIN), (CLANG_NATIVE, CLANG, CLANG_PLAIN), 
 
 
 def shared_out(found: Sequence[Mixture]) -> list[tuple[Build, ...]]:
-    """Builds of each mixture: whatever a model may have meets every sanitizer, in as few builds as that takes; some have none."""
+    """Builds of each mixture, as few as possible so that every feature is run with every sanitizer."""
     entries = [set(m.choice.items()) for m in found]
     builds: list[list[Build]] = [[] for _ in found]
     for turns in SANITIZERS:
@@ -199,7 +199,7 @@ def test_every_function_is_clean_with_all_checks(tmp_path: Path, name: str) -> N
 
 
 def clean(package: Package, folder: Path) -> None:
-    """Finds nothing wrong with a package; skips where no compiler of this machine can examine it."""
+    """Check that a package has no errors; skips if no compiler of this machine can examine it."""
     if package.missing:
         pytest.skip(package.missing)
     complaints = examine(package, folder / "package")

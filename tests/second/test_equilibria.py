@@ -117,7 +117,7 @@ def opened(text: str, folder: Path, target: str = "numpy") -> codegen.Solver:
 
 
 def hessian(solver: codegen.Solver, q: Any, given: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """By the parameters, then the inputs."""
+    """The Hessian with respect to the parameters, then the inputs."""
     n = solver.np
     units = np.eye(len(given))
     seeds = {"dp": units[:, :n]} | ({"dinputs": units[:, n:]} if solver.ninputs else {})
@@ -126,7 +126,7 @@ def hessian(solver: codegen.Solver, q: Any, given: np.ndarray, weights: np.ndarr
 
 
 def differences(solver: codegen.Solver, q: Any, given: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Differences of fourth order of the first derivatives."""
+    """Fourth-order differences of the first derivatives."""
     names = [*solver.parameter_names, *(f"inputs.{name}" for name in solver.input_names)]
 
     def gradient(at: np.ndarray) -> np.ndarray:

@@ -24,14 +24,14 @@ OF = {
 
 
 def gap(found: Any, expected: Any) -> float:
-    """The largest difference relative to the largest entry, or to 1: where everything vanishes, rounding is left."""
+    """The largest difference relative to the largest entry or to 1, since only rounding is left where all entries vanish."""
     found, expected = (np.concatenate([np.ravel(np.asarray(x, float)) for x in of]) for of in (found, expected))
     assert np.abs(expected).max() > 0
     return float(np.abs(found - expected).max() / max(1.0, np.abs(expected).max()))
 
 
 def agree(model: Model, state: Any, folder: Path, limit: float) -> None:
-    """Both engines and the generated solver, for accelerations, outputs and energies."""
+    """Check both engines and the generated solver for accelerations, outputs and energies."""
     wanted = {n: of for n, of in OF.items() if model.outputs or "output" not in n}
     solver = made(model, folder, functions=",".join([*wanted, *(of for of, _ in wanted.values())]))
     rng = np.random.default_rng(7)

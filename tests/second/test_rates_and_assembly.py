@@ -61,7 +61,7 @@ def assembly_hessian(solver: codegen.Solver, state: Any, weights: np.ndarray) ->
 
 
 def close(H: np.ndarray, reference: np.ndarray, limit: float) -> None:
-    """Every entry, relative to the largest."""
+    """Check every entry relative to the largest one."""
     largest = np.abs(reference).max()
     assert largest > 0
     assert np.abs(H - reference).max() < limit * largest

@@ -122,7 +122,7 @@ def test_equations_of_large_mechanisms_are_those_of_the_solver(name, form, tmp_p
 
 
 def check(model: Model, found: Equations, folder: Path) -> None:
-    """At five states that close the loops."""
+    """Check the equations at five states that close the loops."""
     codegen.generate(model, folder / "made", target="numpy", compile=False, check=False)
     solver = codegen.load(folder / "made")
     agreement, rng = Agreement(model, solver, found), np.random.default_rng(len(model.name))

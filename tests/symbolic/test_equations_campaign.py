@@ -35,7 +35,7 @@ SMALL = 500
 
 
 def check(model: Model, folder: Path, given: Any, rng: np.random.Generator) -> None:
-    """All forms with intermediate variables, and those of small models multiplied out, at random states."""
+    """Check all forms with intermediate variables, and those of small models multiplied out, at random states."""
     codegen.generate(model, folder / "made", target="numpy", compile=False, check=False)
     solver = codegen.load(folder / "made")
     states = [] if given is None else [(*solver.assemble(*given), *given[2:])]

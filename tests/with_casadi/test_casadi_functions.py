@@ -25,7 +25,7 @@ CART_POLE = (EXAMPLES / "casadi" / "cart_pole.yaml").read_text(encoding="utf-8")
 
 
 def by_hand(q, u, p, inputs):
-    """Accelerations of the cart-pole, as in textbooks."""
+    """Accelerations of the cart-pole from the textbook equations."""
     m, mp, length, g = (p[i] for i in range(4))
     s, c = casadi.sin(q[1]), casadi.cos(q[1])
     cart = (inputs[0] + mp * s * (length * u[1] ** 2 + g * c)) / (m + mp * s**2)
@@ -52,7 +52,7 @@ def solvers(tmp_path_factory):
 
 
 def error(found, wanted) -> float:
-    """Largest difference, relative to the largest number."""
+    """Largest difference divided by the largest number."""
     wanted = np.asarray(wanted, float)
     found = np.array(casadi.densify(found)).reshape(wanted.shape)
     return float(np.abs(found - wanted).max(initial=0.0) / max(np.abs(wanted).max(initial=0.0), 1e-300))

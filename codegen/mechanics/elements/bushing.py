@@ -150,7 +150,7 @@ class BushingLaw(Law):
 
 
 def _series(e: Element, y: Value) -> Value:
-    """P for small y."""
+    """The value of P, see the module, for small y by its power series."""
     long = are_long()
     coefficient: float = mpmath.mpf(1) / 3 if long else 1 / 3
     coefficients = []

@@ -13,7 +13,7 @@ CHANGED = {"crank_length": 0.5, "base": 0.9}
 
 
 def errors(unit, of, solver, p, t):
-    """Largest relative errors of rates, outputs and their derivatives by all knowns at the state of an instance."""
+    """Largest relative errors of rates, outputs and their derivatives with respect to all knowns, at an instance's state."""
     q = unit.get(of, [f"q.{n}" for n in solver.coordinate_names])
     u = unit.get(of, [f"u.{n}" for n in solver.speed_names])
     inputs = list(solver.input_names)

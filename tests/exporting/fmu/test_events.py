@@ -27,7 +27,7 @@ def made(tmp_path_factory):
 
 
 def next_event(unit, of):
-    """The time that an instance announces, or None."""
+    """The time of the next event that an instance reports, or None."""
     found = of.newDiscreteStates() if unit.version == "2.0" else of.updateDiscreteStates()
     return found[5] if found[4] else None
 

@@ -13,7 +13,7 @@ RATES = ("way.rate", "way.acceleration")
 
 
 def way(t):
-    """A parabola, with its rate and acceleration."""
+    """A parabola over time, with its rate and acceleration."""
     return {"way": 0.3 + 2.0 * t + 1.5 * t * t, RATES[0]: 2.0 + 3.0 * t, RATES[1]: 3.0}
 
 

@@ -27,7 +27,7 @@ def made(tmp_path_factory):
 
 
 def said(unit, capfd):
-    """The messages of a unit: fmpy prints those of FMI 2.0."""
+    """The messages of an FMU: fmpy prints those of FMI 2.0."""
     return capfd.readouterr().out + "".join(text for _, text in unit.messages)
 
 

@@ -35,7 +35,7 @@ def made(tmp_path_factory):
 
 
 def columns(solver, trajectory):
-    """A motion as columns by the names of variables."""
+    """A motion as a mapping from the names of variables to columns."""
     found = {f"q.{n}": trajectory.q[:, i] for i, n in enumerate(solver.coordinate_names)}
     found |= {f"u.{n}": trajectory.u[:, i] for i, n in enumerate(solver.speed_names)}
     return found | {n: trajectory.outputs[:, i] for i, n in enumerate(solver.output_names)}
@@ -176,7 +176,7 @@ def test_states_are_saved_and_restored_with_their_bytes(made, version):
 
 
 def refused(unit, words, call, *arguments):
-    """A call that ends with an error and a message."""
+    """Check that a call ends with an error and a message."""
     unit.messages.clear()
     with pytest.raises(FMICallException):
         call(*arguments)

@@ -22,7 +22,7 @@ def seeds_of(names, function):
 
 
 def one(name, value, lead, batch, index):
-    """One state of a batch of arguments; directions stay in front."""
+    """One state of batch arguments; the axis of directions stays first."""
     k = value.shape[: 1 if name.startswith("d") else 0]
     tail = value.shape[len(k) + len(lead) :]
     padded = value.reshape(*k, *(1,) * (len(batch) - len(lead)), *lead, *tail)
