@@ -112,6 +112,41 @@ def test_switches_that_follow_an_input(tmp_path: Path, method: str) -> None:
     same_as_differences(judge, x, 1e-3 * np.maximum(x, 0.1), 2e-8, 1e-11)
 
 
+TURNING = """
+model: turning
+parameters: {k: 5.0, c: 0.2, rest: 0.3, m: 1.4}
+gravity: [0, -2, -1]
+bodies:
+  wheel: {parent: ground, joint: {type: revolute, axis: z}, mass: m, com: [0.1, 0, 0.1], inertia: {xx: 1, yy: 1, zz: 1}}
+  vane: {parent: wheel, joint: {type: revolute, axis: x, at: [0.2, 0, 0]}, mass: 0.5, com: [0, 0.1, 0.2], inertia: {xx: 0.1}}
+forces:
+  spring: {type: torsion, from: ground, to: wheel, axis: z, stiffness: k, damping: c, free_angle: rest}
+  slanted: {type: torsion, from: ground, to: {body: vane, rpy: [0, 0, 0.4]}, axis: [1, 0, 3], stiffness: 0.3*k}
+  hinge: {type: joint, joint: vane, value: -2*q.vane}
+outputs:
+  wheel: {value: q.wheel}
+  vane: {value: q.vane}
+  angle: {value: q.wheel*u.vane}
+initial: {q: {wheel: 2.0}, u: {wheel: 10.0, vane: 0.5}}
+"""
+
+
+def test_torsion_springs_beyond_half_a_turn(tmp_path: Path) -> None:
+    """Their torques jump there; the second one passes half a turn about an axis that tilts."""
+    solver = solver_of(TURNING, tmp_path / "package")
+    wanted = [Final("wheel"), Final("vane"), At("angle", 0.35), Integral("vane")]
+    wrt = (*solver.parameter_names, "q0.wheel", "u0.wheel", "u0.vane")
+
+    def judge(x: np.ndarray, **more: Any) -> Any:
+        p = dict(zip(wrt[:4], x[:4], strict=True))
+        return solver.judge(0.6, wanted, [x[4], 0.0], x[5:], p, wrt=wrt, rtol=1e-12, atol=1e-12, **more)
+
+    x = np.array([5.0, 0.2, 0.3, 1.4, 2.0, 10.0, 0.5])
+    hessians = same_as_differences(judge, x, 1e-3 * np.maximum(x, 0.1), 1e-9, 1e-11)
+    of_radau = judge(x, hessian=True, integrator="radau").hessian_products
+    assert (np.abs(of_radau - hessians).max(axis=(1, 2)) < 1e-8 * np.abs(hessians).max(axis=(1, 2))).all()
+
+
 BALL = """
 model: ball
 parameters: {k: 900.0, c: 2.0, r: 0.05, push: 3.0}
@@ -229,7 +264,7 @@ REASONS = (
 def compare(seed: int, folder: Path) -> str:
     """Compares a Hessian product with differences of gradients; returns why there is none."""
     try:
-        solver, q, p, names = drawn(seed, folder, FUNCTIONS)
+        solver, q, p, names = drawn(seed, folder, f"{FUNCTIONS},coordinate_rate_hessian_products")
         wanted = [*(Final(o) for o in solver.output_names), *(Integral(o) for o in solver.output_names[:1])]
 
         def judge(p: np.ndarray, **more: Any) -> Any:

@@ -174,11 +174,7 @@ int ordernm_look_at_begin(ordernm_curvature *c)
     return 0;
 }
 
-/* Whether derivatives jump at a switch that was crossed at the start of a step. */
-static int is_passed(const ordernm_motion *m, const scalar *row, int k)
-{
-    return row[m->system->nswitches + k] != 0.0 && m->system->switch_kind[k] <= ORDERNM_ROOT;
-}
+static int is_passed(const ordernm_motion *m, const scalar *row, int k) { return row[m->system->nswitches + k] != 0.0; }
 
 static int some_passed(const ordernm_motion *m, const scalar *row)
 {
