@@ -140,7 +140,8 @@ TABLE: Final = {e.name: e for e in (
     Elementary("atan2", (lambda f, z, y, x: x/(x**2 + y**2), lambda f, z, y, x: -y/(x**2 + y**2)), switching=_first,
                branches=True, jumps=True, numpy="arctan2", elsewhere=("arctan2",)),
     _smooth("sinh", lambda f, y, x: f.cosh(x), parity=ODD),
-    _smooth("cosh", lambda f, y, x: f.sinh(x), parity=EVEN, positive=ALWAYS),
+    # derivatives of powers of cosh contain the power times tanh: with sinh, those of 1/cosh would overflow far from zero
+    _smooth("cosh", lambda f, y, x: y*f.tanh(x), parity=EVEN, positive=ALWAYS),
     _smooth("tanh", lambda f, y, x: 1/f.cosh(x)**2, parity=ODD),  # 1 - y**2 loses all digits near y = 1
     _smooth("asinh", lambda f, y, x: 1/f.sqrt(x**2 + 1), parity=ODD, numpy="arcsinh", elsewhere=("arcsinh",)),
     _smooth("acosh", lambda f, y, x: 1/f.sqrt((x - 1)*(x + 1)), domain=(1.0, math.inf), switching=lambda f, x: x - 1,

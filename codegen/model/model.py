@@ -331,12 +331,14 @@ class Model:
             keys = force.keys or ("value",) * len(force.coefficients)
             for key, e in zip(keys, force.coefficients, strict=True):
                 found.add(e.tree, f"forces.{force.name}.{key}")
+            if not force.needs_direction:
+                continue
             if isinstance(force, Torsion):
                 found.add_turn(force.name)
             elif not self.loops and (line := signed_length(self.bodies, self.motion, force)) is not None:
                 found.add_line(force.name, *line)
                 continue
-            if force.singular and len(force.ends) == 2 and len({isinstance(end, Face) for end in force.ends}) == 1:
+            if len(force.ends) == 2 and len({isinstance(end, Face) for end in force.ends}) == 1:
                 found.add_ends(force.ends, force.axis, f"forces.{force.name}")
         for i, output in enumerate(self.outputs):
             if output.expression is not None:

@@ -32,7 +32,7 @@ class Limits:
     epsilon: float
     smallest: float
 
-    def rounding(self, margin: float, power: int = 1) -> float:
+    def rounding(self, margin: float, power: float = 1) -> float:
         """Convert a margin for rounding errors from double precision to this type, rounded to one significant digit. It is
         proportional to `power` of the type's rounding error."""
         return float(f"{margin * (self.epsilon / EPSILON) ** power:.0e}")

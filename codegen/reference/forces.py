@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
+from ..model.binding import bind
 from ..model.expressions import Expression
 from ..model.forces import (
     ALONG_LINES,
@@ -19,6 +21,7 @@ from ..model.forces import (
     Torque,
     Torsion,
 )
+from ..model.forces.line_law import in_squares
 from .pairs import Pair, Pairs
 
 E = TypeVar("E", bound=ForceElement)
@@ -123,7 +126,7 @@ class SpringLaw(Law[Spring]):
         start, end = ends
         k, c, free = (pairs.expression(e) for e in element.coefficients)
         r = end.x - start.x
-        if self._is_linear(element, pairs, r):
+        if not element.needs_direction:
             pull = r * k
         else:
             along, d = line(element, pairs, ends)
@@ -134,16 +137,10 @@ class SpringLaw(Law[Spring]):
         start, end = ends
         k, _, free = (pairs.expression(e) for e in element.coefficients)
         r, two = end.x - start.x, pairs.number(2)
-        if self._is_linear(element, pairs, r):
+        if "free_length" in element.zeros:
             return pairs.dot(r, r) * k / two
         stretch = line(element, pairs, ends)[1] - free
         return k * stretch * stretch / two
-
-    @staticmethod
-    def _is_linear(element: Spring, pairs: Pairs, r: Pair) -> bool:
-        """Whether the points coincide and damping and rest length are zero, so that the force is k r."""
-        zero = all(not e.names and e.value == 0 for e in (element.damping, element.free_length))
-        return zero and bool(pairs.dot(r, r).value == 0)
 
 
 class AlongLineLaw(Law[AlongLine]):
@@ -151,6 +148,10 @@ class AlongLineLaw(Law[AlongLine]):
 
     def wrenches(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Sequence[Wrench]:
         start, end = ends
+        formula = in_squares(bind(element.law.formula, element.zeros), 1)
+        if formula is not None:
+            push = (end.x - start.x) * self._of_square(formula, element, pairs, ends)
+            return Wrench(-push), Wrench(push)
         along, distance = line(element, pairs, ends)
         rate = pairs.dot(along, end.v - start.v)
         push = along * self._value(element.law.formula, element, pairs, {"distance": distance, "rate": rate})
@@ -159,8 +160,15 @@ class AlongLineLaw(Law[AlongLine]):
     def energy(self, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Pair | None:
         if element.law.potential is None:
             return None
+        potential = in_squares(bind(element.law.potential, element.zeros), 0)
+        if potential is not None:
+            return self._of_square(potential, element, pairs, ends)
         _, distance = line(element, pairs, ends)
         return self._value(element.law.potential, element, pairs, {"distance": distance})
+
+    def _of_square(self, formula: Expression, element: AlongLine, pairs: Pairs, ends: Sequence[End]) -> Pair:
+        r = ends[1].x - ends[0].x
+        return self._value(formula, element, pairs, {"square": pairs.dot(r, r)})
 
     @staticmethod
     def _value(formula: Expression, element: AlongLine, pairs: Pairs, measures: dict[str, Pair]) -> Pair:
@@ -219,7 +227,7 @@ class TorsionLaw(Law[Torsion]):
         sine, sine_slope = _trace(pairs, C, -K)
         cosine, cosine_slope = _trace(pairs, C, -(K @ K))
         square = sine * sine + cosine * cosine
-        if square.value == 0:
+        if not pairs.arithmetic.symbolic and square.value < NEARLY_OPPOSITE:
             raise ValueError(
                 f"torsion {element.name}: one end is turned by half a turn about a line across its axis; no angle is determined"
             )
@@ -234,8 +242,15 @@ def _trace(pairs: Pairs, C: Pair, X: Pair) -> tuple[Pair, Pair]:
     return trace, pairs.column([Y[i, j] - Y[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
 
+NEARLY_OPPOSITE = 1e-17
+"""Value of ``4 cos(h)^4``, with 2h the angle between the two axes of a torsion spring, below which rounding errors determine its
+torque."""
+
 NEARLY_HALF = 1e-12
 """Value of 1 + cos(angle) below which the rotation vector is not determined."""
+
+NEAR = 0.01
+"""Square of the sine of half the angle below which a series is used."""
 
 
 class BushingLaw(Law[Bushing]):
@@ -306,16 +321,34 @@ class BushingLaw(Law[Bushing]):
         w = pairs.call("sqrt", square)
         e = pairs.column([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]]) * (one / (pairs.number(4) * w))
         squared = pairs.dot(e, e)
+        if not pairs.arithmetic.symbolic and squared.value < NEAR:
+            F, by_square = _near(pairs, squared)
+            return e * F, (w, e, F, pairs.number(-2) * w * by_square)
 
         def factor() -> Pair:
             length = pairs.call("sqrt", squared)
             return two * pairs.call("atan2", length, w) / length
 
-        # at e = 0, F and its slope have these limits; the slope's own derivative has no effect, since the slope is
-        # multiplied by terms of second order in e
+        # symbols may be zero; at e = 0, F and its slope have these limits
         F = pairs.where_zero(squared, lambda: two, factor)
-        slope = pairs.where_zero(squared, lambda: pairs.number(-4) / pairs.number(3), lambda: (F * w - two) / squared)
+        slope = pairs.where_zero(squared, lambda: pairs.number(-2) / pairs.number(3), lambda: (F * w - two) / squared)
         return e * F, (w, e, F, slope)
+
+
+def _near(pairs: Pairs, square: Pair) -> tuple[Pair, Pair]:
+    """2 asin(x)/x and its derivative with respect to x^2, by the series in x^2, for x^2 below `NEAR`.
+
+    Derivatives of the quotient itself lose their digits there.
+    """
+    terms = 3 + int(math.log(float(pairs.arithmetic.epsilon)) / math.log(NEAR))
+    term, found, slope = pairs.number(2), pairs.number(0), pairs.number(0)  # term: a factor of the series
+    power, before = pairs.number(1), pairs.number(0)
+    for k in range(terms):
+        found = found + term * power
+        slope = slope + term * pairs.number(k) * before
+        term = term * (pairs.number((2 * k + 1) ** 2) / pairs.number((2 * k + 2) * (2 * k + 3)))
+        power, before = power * square, power
+    return found, slope
 
 
 def _times(pairs: Pairs, a: Pair, b: Pair) -> Pair:

@@ -151,7 +151,7 @@ def test_what_is_not_finite_is_told_by_its_name(tmp_path: Path) -> None:
 
 
 def test_a_law_that_needs_a_direction_says_when_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = with_elements(TREE, "band: {type: spring, from: top, to: tip, stiffness: k}")
+    model = with_elements(TREE, "band: {type: spring, from: top, to: tip, stiffness: k, free_length: 1}")
     monkeypatch.setattr(Spring, "singular", "")
     with pytest.raises(FieldError, match=r"Spring\.singular has no message for states without one"):
         write_solver(model)

@@ -77,7 +77,9 @@ forces:
         solver.accelerations(over, np.ones(3))
     with pytest.raises(ValueError, match="torsion coil: one end is turned by half a turn about a line across its axis"):
         DenseEngine(model).accelerations(over, np.ones(3))
-    nearly = np.array([1e-9, 1.0, 0.0, 1e-9])
+    with pytest.raises(SingularForceError, match="torsion coil"):
+        solver.accelerations(np.array([1e-9, 1.0, 0.0, 1e-9]), np.zeros(3))
+    nearly = np.array([1e-3, 1.0, 0.0, 1e-3])
     np.testing.assert_allclose(
         solver.accelerations(nearly, np.zeros(3)), DenseEngine(model).accelerations(nearly, np.zeros(3)), rtol=1e-6
     )

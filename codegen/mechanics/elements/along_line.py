@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ...model.binding import bind
 from ...model.expressions import Expression
-from ...model.forces.line_law import LineLaw
+from ...model.forces.line_law import LineLaw, in_squares
 from ...model.grammar import Tree
 from ...program.scalar import Value, Vector
 from ..spatial import dot, minus
@@ -20,8 +20,12 @@ class AlongLineLaw(Law):
         self.law = law
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
-        line, length = e.line()
         formula = bind(self.law.formula, e.absent)  # coefficients of terms that are zero are not read
+        if (smooth := in_squares(formula, 1)) is not None:
+            way = e.way()
+            pushed: Vector = e.vector("force", [e.let("push", self._of_square(e, smooth, way)) * c for c in way])
+            return Wrench([-c for c in pushed]), Wrench(pushed)
+        line, length = e.line()
         known = {"distance": length}
         if e.turns_over:
             along = e.along(line, length)
@@ -29,7 +33,7 @@ class AlongLineLaw(Law):
                 start, end = (end.velocity for end in e.ends[:2])
                 known["rate"] = e.let("rate", dot(along, minus(end, start)))
             push = self._value(e, formula, known)
-            pushed: Vector = e.vector("force", [push * c for c in along])
+            pushed = e.vector("force", [push * c for c in along])
             return Wrench([-c for c in pushed]), Wrench(pushed)
         if "rate" in formula.names:
             inverse = e.let("inverse", 1 / length)
@@ -44,8 +48,14 @@ class AlongLineLaw(Law):
     def energy(self, e: Element) -> Value:
         if self.law.potential is None:
             return super().energy(e)
+        potential = bind(self.law.potential, e.absent)
+        if (smooth := in_squares(potential, 0)) is not None:
+            return e.let("V", self._of_square(e, smooth, e.way()))
         _, length = e.line()
-        return e.let("V", self._value(e, bind(self.law.potential, e.absent), {"distance": length}))
+        return e.let("V", self._value(e, potential, {"distance": length}))
+
+    def _of_square(self, e: Element, formula: Expression, way: Vector) -> Value:
+        return self._value(e, formula, {"square": e.let("square", dot(way, way))})
 
     @staticmethod
     def _value(e: Element, formula: Expression, known: dict[str, Value]) -> Value:

@@ -239,13 +239,17 @@ class Element:
         self.x.set_entry(PIVOT, self._required, value)
         self._required += 1
 
+    def way(self) -> Vector:
+        """Vector from the first end to the second."""
+        start, end = (end.position for end in self.ends[:2])
+        return self.vector("line", minus(end, start))
+
     def line(self, directed: bool = True) -> tuple[Vector, Value]:
         """Vector from the first end to the second, and the distance.
 
         `directed`: require that the distance be positive, since the direction or a derivative of the length is used.
         """
-        start, end = (end.position for end in self.ends[:2])
-        line = self.vector("line", minus(end, start))
+        line = self.way()
         if self.turns_over:
             signed, mode = self._signed(line), self._mode
             if directed:

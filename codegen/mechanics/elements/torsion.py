@@ -17,8 +17,9 @@ from ...program.scalar import Value, Vector
 from ..spatial import add, cross, dot, minus, transpose
 from .element import Element, Law, Wrench
 
-SMALLEST = 1e-200
-"""Smallest sum of squares of the two arguments of atan2, ``4 cos(h)^4``, for which the angle is determined."""
+NEARLY_OPPOSITE = 1e-17
+"""Smallest sum of squares of the two arguments of atan2, ``4 cos(h)^4``, that determines the torque; the axis is then 8e-5
+rad from its opposite. The relative error of the torque grows with the inverse cube of this angle."""
 
 
 class TorsionLaw(Law):
@@ -54,5 +55,5 @@ class TorsionLaw(Law):
         cosine = e.let("cosine", dot(x_s, x_e) + dot(y_s, y_e))
         square = e.let("square", sine * sine + cosine * cosine)
         if directed:
-            e.require(square - e.x.number(limits().tiny(SMALLEST, 1.5)))
+            e.require(square - e.x.number(limits().rounding(NEARLY_OPPOSITE, 4 / 3)))
         return (sine, cosine, square), (x_s, y_s, x_e, y_e)

@@ -14,7 +14,7 @@ from ..expressions import Expression
 from ..grammar import ExpressionError
 from ..places import Point
 from .force_element import ForceElement, ForceEntry
-from .line_law import LineLaw
+from .line_law import LineLaw, in_squares
 from .line_laws import LINE_LAWS
 
 
@@ -36,6 +36,10 @@ class AlongLine(ForceElement):
     @property
     def coefficients(self) -> tuple[Expression, ...]:
         return self.values
+
+    @property
+    def needs_direction(self) -> bool:
+        return in_squares(bind(self.law.formula, self.zeros), 1) is None
 
 
 class AlongLineEntry(ForceEntry):

@@ -52,6 +52,11 @@ class ForceElement:
         return None
 
     @property
+    def needs_direction(self) -> bool:
+        """Whether there are configurations without a direction or an angle that the law needs; see `singular`."""
+        return bool(self.singular)
+
+    @property
     def variant(self) -> tuple[object, ...]:
         """Non-numerical properties of the law; only elements with equal properties share generated code."""
         return ()
@@ -65,6 +70,11 @@ class ForceElement:
     def coefficients(self) -> tuple[Expression, ...]:
         """Coefficients of the law; the fields have the names of the keys."""
         return tuple(getattr(self, key) for key in self.keys)
+
+    @property
+    def zeros(self) -> dict[str, int]:
+        """Coefficients that are the number zero, by key."""
+        return {key: 0 for key, e in zip(self.keys, self.coefficients, strict=True) if e.is_number and e.value == 0}
 
     def expressions(self) -> Iterator[Expression]:
         for place in (*self.ends, *self.measured):

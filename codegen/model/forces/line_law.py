@@ -22,6 +22,9 @@ MEASURES: Final = {"distance": "m", "rate": "m/s"}
 """Names that formulas may contain besides coefficients, with their units: the distance of the points, and its time
 derivative."""
 
+MOST: Final = 8
+"""Largest exponent of a polynomial of the distance that `in_squares` expands."""
+
 _TAKEN: Final = RESERVED | MEASURES.keys() | {"type", "from", "to", "first", "last", "repeat", "name"}
 _WORD: Final = re.compile("[a-z][a-z0-9_]*")
 
@@ -149,3 +152,68 @@ class LineLaw:
                 said = f"{self.type}: {what} {text!r} contains {name}"
                 raise LineLawError(f"{said}; names here: {', '.join(known)}{nearest(name, known)}")
         return found
+
+
+def in_squares(formula: Expression, less: int) -> Expression | None:
+    """A formula divided by a power of the distance, as a polynomial of ``square``, the squared distance.
+
+    Such a quotient is smooth where the points coincide, though the distance has a kink and no direction there.
+
+    Returns
+    -------
+    Expression or None
+        None if the quotient is no such polynomial.
+
+    Examples
+    --------
+    >>> in_squares(parse("k*distance + h*distance**3"), 1)
+    Expression('k + h*square')
+    """
+    powers = _powers(formula)
+    if powers is None or any(n < less or (n - less) % 2 for n in powers):
+        return None
+    square = Expression(("name", "square"))
+    total = Expression.number(0)
+    for n, factor in sorted(powers.items()):
+        total = total + factor * square ** ((n - less) // 2)
+    return total
+
+
+def _powers(formula: Expression) -> dict[int, Expression] | None:
+    """The factors of the powers of the distance in a formula, by exponent; None if it is no polynomial of the distance."""
+    if not MEASURES.keys() & formula.names:
+        return {0: formula}
+    kind, *operands = formula.tree
+    if kind == "name":
+        return {1: Expression.number(1)} if formula.tree[1] == "distance" else None
+    if kind == "call":
+        return None
+    parts = [_powers(Expression(tree)) for tree in operands]
+    a, b = parts[0], parts[-1]
+    if a is None or b is None:
+        return None
+    if kind in ("neg", "+", "-"):
+        found = {n: -e if kind == "neg" else e for n, e in a.items()}
+        for n, e in b.items() if kind != "neg" else ():
+            before = found.get(n, Expression.number(0))
+            found[n] = before + e if kind == "+" else before - e
+        return found
+    if kind == "/" and b.keys() == {0}:
+        return {n: e / b[0] for n, e in a.items()}
+    if kind == "*":
+        return _product(a, b)
+    exponent = b[0].value if kind == "**" and b.keys() == {0} and b[0].is_number else None
+    if not isinstance(exponent, int) or not 0 < exponent <= MOST:
+        return None
+    found = a
+    for _ in range(exponent - 1):
+        found = _product(found, a)
+    return found
+
+
+def _product(a: dict[int, Expression], b: dict[int, Expression]) -> dict[int, Expression]:
+    found: dict[int, Expression] = {}
+    for n, x in a.items():
+        for m, y in b.items():
+            found[n + m] = found[n + m] + x * y if n + m in found else x * y
+    return found

@@ -38,6 +38,10 @@ class Spring(ForceElement):
     def ends(self) -> tuple[Point, ...]:
         return self.start, self.end
 
+    @property
+    def needs_direction(self) -> bool:
+        return not {"damping", "free_length"} <= self.zeros.keys()
+
 
 class SpringEntry(ForceEntry):
     placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "stiffness": "0"}
