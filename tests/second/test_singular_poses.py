@@ -111,3 +111,36 @@ def test_torsion_springs_whose_axes_are_nearly_opposite(tmp_path: Path) -> None:
             q = [0.4, np.pi - 0.01, 0.3]
             exact = DenseEngine(model, numbers="mpmath").accelerations(q, U, solver.parameters).astype(float)
         assert np.abs(solver.accelerations(q, U) - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+AXES = """
+model: axes
+gravity: [0.3, -0.5, -9.81]
+parameters: {ax: 0, ay: 0, az: 1, l: 0.4}
+bodies:
+  a: {parent: ground, joint: JOINT, mass: 1.2, com: [l, 0, 0.1], inertia: {xx: 1, yy: 1.2, zz: 1.1}}
+  b: {parent: a, joint: {type: spherical, at: [l, 0.1, 0]}, mass: 0.8, com: [0.1, 0, l], inertia: {xx: 0.3, yy: 0.2, zz: 0.2}}
+forces:
+  coil: {type: torsion, from: ground, to: b, axis: [ax, 2*ay, az], stiffness: 3}
+"""
+
+
+@pytest.mark.parametrize(
+    "joint", ["{type: revolute, axis: [ax, ay, az]}", "{type: screw, axis: [ax, ay, az], pitch: l}"]
+)
+def test_axes_that_parameters_turn(tmp_path: Path, joint: str) -> None:
+    """The other directions of a frame follow the axis: no parameters make them 0/0, nor their derivatives lose digits."""
+    model = codegen.parse_model(AXES.replace("JOINT", joint))
+    codegen.generate(model, tmp_path / "m", functions=FUNCTIONS, check=False, compile="all")
+    solver = codegen.load(tmp_path / "m")
+    q, u = [0.4, 0.8, 0.3, -0.1, 0.5], np.array([0.3, -0.2, 0.5, 0.7])
+    q[1:] = list(np.array(q[1:]) / np.linalg.norm(q[1:]))
+    w, dp = [0.7, -0.4, 1.1, 0.3], np.array([[0.3, 0.2, -0.1, 0.4]])
+    for axis in ([1, 0, 0], [0, 1, 0], [0, 0, -1], [1, 1e-9, 0], [1e-9, 1, 1e-6], [1, 1, 1], [0.3, 0.1, 0.9]):
+        p = [*axis, 0.4]
+        with mpmath.workdps(40):
+            engine = DenseEngine(model, numbers="mpmath")
+            exact = engine.hessian_products(q, u, p, weights=w, dp=dp)[2].astype(float)
+            udot = engine.accelerations(q, u, p).astype(float)
+        assert np.abs(solver.accelerations(q, u, p) - udot).max() < 1e-14 * np.abs(udot).max(), axis
+        assert np.abs(solver.hessian_products(q, u, p, weights=w, dp=dp).p - exact).max() < 1e-13 * np.abs(exact).max()

@@ -106,7 +106,7 @@ class Records:
             origin, R = place(steps, self.evaluate, SYMBOLIC, self.x.let)
             r = [self.x.let("r", e) for e in add(origin, matvec(R, r))]
         if frame.vector is not None:
-            Q = frame_matrix(frame, self.evaluate, SYMBOLIC["sqrt"], self.x.let)
+            Q = frame_matrix(frame, self.evaluate, SYMBOLIC, self.x.let)
             r = [self.x.let("r", e) for e in matvec(transpose(Q), r)]
         return r
 
@@ -117,7 +117,7 @@ class Records:
         if steps:
             R = place(steps, self.evaluate, SYMBOLIC, self.x.let)[1]
         if frame.vector is not None:
-            Q = frame_matrix(frame, self.evaluate, SYMBOLIC["sqrt"], self.x.let)
+            Q = frame_matrix(frame, self.evaluate, SYMBOLIC, self.x.let)
             R = [[self.x.let("R", e) for e in row] for row in matmul(transpose(Q), R)]
         return R
 

@@ -137,7 +137,7 @@ def _of_faces(
 
         def base(face: Face) -> Matrix:
             _, R = place(((ORIGIN, face.rotation),), records.evaluate, SYMBOLIC, x.let)
-            F = frame_matrix(axis, records.evaluate, SYMBOLIC["sqrt"], x.let)
+            F = frame_matrix(axis, records.evaluate, SYMBOLIC, x.let)
             return transpose(
                 [[x.let("face", e) for e in row] for row in matmul(records.attitude(face.body), matmul(R, F))]
             )

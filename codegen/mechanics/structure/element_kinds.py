@@ -119,13 +119,13 @@ class PlacedElement:
         out: dict[str, Value] = {}
         for n, (steps, frame, oriented) in enumerate(zip(self.steps, self.frames, self.oriented, strict=True)):
             name = end_name(n)
-            Q = frame_matrix(frame, evaluate, functions["sqrt"], let)
+            Q = frame_matrix(frame, evaluate, functions, let)
             r, R = place(steps, evaluate, functions, let)
             for k, value in zip(XYZ, matvec(transpose(Q), r), strict=True):
                 out[f"{name}.r.{k}"] = let("r", value)
             if oriented:
                 half = [[let("F", v) for v in row] for row in matmul(transpose(Q), R)]
-                F = matmul(half, frame_matrix(self.axis, evaluate, functions["sqrt"], let))
+                F = matmul(half, frame_matrix(self.axis, evaluate, functions, let))
                 out |= {f"{name}.F.{i}{j}": let("F", F[a][b]) for a, i in enumerate(XYZ) for b, j in enumerate(XYZ)}
         return out
 
@@ -256,7 +256,7 @@ def _placed(
 
 
 def _axis(axis: Axis | None, evaluate: NumberOf) -> Frame:
-    return BODY_FRAME if axis is None else axis_frame(axis, evaluate)
+    return BODY_FRAME if axis is None else axis_frame(axis, evaluate, is_seen=False)
 
 
 def find_element_kinds(

@@ -89,11 +89,11 @@ class LoopFaces:
             out = {f"factor{t}": let("factor", evaluate(term.factor)) for t, term in enumerate(self.loop.terms)}
             return out | {"offset": let("offset", evaluate(self.loop.offset))}
         for side, name in enumerate("AB"):
-            Q = frame_matrix(self.link_frames[side], evaluate, functions["sqrt"], let)
+            Q = frame_matrix(self.link_frames[side], evaluate, functions, let)
             r, R = place(self.steps[side], evaluate, functions, let)
             r = matvec(transpose(Q), r)
             half = [[let("F", e) for e in row] for row in matmul(transpose(Q), R)]
-            F = matmul(half, frame_matrix(self.frames[side], evaluate, functions["sqrt"], let))
+            F = matmul(half, frame_matrix(self.frames[side], evaluate, functions, let))
             for k, i in enumerate(XYZ):
                 out[f"{name}.r.{i}"] = let("r", r[k])
                 for n, j in enumerate(XYZ):

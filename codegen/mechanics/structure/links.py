@@ -7,19 +7,15 @@ analysed once.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field
-from typing import NamedTuple
-
-import mpmath
+from typing import NamedTuple, Protocol
 
 from ...model.expressions import Expression
 from ...model.model import GROUND, Body, Joint, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...model.quarter_turns import cosine_and_sine, quarter_turns
-from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
 from ...records import dataclass
@@ -29,9 +25,16 @@ from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
 Evaluate = Callable[[Expression], Value]
 NumberOf = Callable[[Expression], float]
 """The type of a function that gives the value of an expression at the default parameters."""
-Function = Callable[[Value], Value]
+
+
+class Function(Protocol):
+    """A function of values."""
+
+    def __call__(self, *arguments: Value) -> Value: ...
+
+
 Functions = Mapping[str, Function]
-"""Type of a mapping from ``sqrt``, ``cos`` and ``sin`` to these functions, for numbers or symbols."""
+"""Type of a mapping from ``sqrt``, ``cos``, ``sin`` and ``at_least`` to these functions, for numbers or symbols."""
 Let = Callable[[str, Value], Value]
 Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
 """Type of the placement of one frame in another: origin, and rotations about axes of the rotated frame."""
@@ -44,13 +47,14 @@ class Frame:
     """A link's frame in its body: one of the frame's coordinate axes is the axis of the joint.
 
     `index` is that coordinate axis. `vector` is the axis along the body's axes; None if the link has the body's axes. For an axis
-    that is not a coordinate axis of the body, `start` is the body axis from which the frame's first axis is constructed.
+    that is not a coordinate axis of the body, `start` is the body axis from which the frame's first axis is constructed; None:
+    the one along which the axis has its smallest component with the parameters of a call.
     """
 
     index: int
     vector: ExpressionVector | None = None
     flipped: bool = False
-    start: int = 0
+    start: int | None = 0
 
     def form(self) -> tuple[object, ...]:
         """A key, equal for frames whose matrices differ only in numbers."""
@@ -147,9 +151,8 @@ class Link:
             axes; ``R.ij`` parent from link components at q = 0; ``factor`` of the joint, if any; ``rotor0``, ... of speeds with
             rotors. SI units.
         """
-        sqrt = functions["sqrt"]
-        Q_parent = frame_matrix(self.parent_frame, evaluate, sqrt, let)
-        Q = frame_matrix(self.frame, evaluate, sqrt, let)
+        Q_parent = frame_matrix(self.parent_frame, evaluate, functions, let)
+        Q = frame_matrix(self.frame, evaluate, functions, let)
         r, R = place(self.steps, evaluate, functions, let)
         r = matvec(transpose(Q_parent), r)
         half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
@@ -180,12 +183,18 @@ ZERO = Expression.number(0)
 ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
 
 
-def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
-    """The frame of a joint with this axis. It has the body's axes if the joint axis points along one of them."""
+def axis_frame(axis: ExpressionVector, evaluate: NumberOf, is_seen: bool = True) -> Frame:
+    """The frame of a joint with this axis. It has the body's axes if the joint axis points along one of them.
+
+    `is_seen`: results depend on the directions across the axis, so these remain those of the default parameters. Otherwise no
+    parameters may turn the axis into the direction from which the others are constructed.
+    """
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along
         return Frame(i, axis, flipped=True) if sign < 0 else Frame(i)
+    if not is_seen and all(a.names for a in axis):
+        return Frame(2, axis, start=None)
     defaults = [abs(evaluate(a)) for a in axis]
     return Frame(2, axis, start=defaults.index(min(defaults)))
 
@@ -351,7 +360,7 @@ def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]
     if joint.kind.triad:  # all links of the joint have the axes of the first one
         frame = axis_frame(joint.axes[0], evaluate)
         return frame, (frame.index + part.axis) % 3
-    frame = axis_frame(joint.axes[part.axis], evaluate)
+    frame = axis_frame(joint.axes[part.axis], evaluate, is_seen=False)
     return frame, frame.index
 
 
@@ -368,7 +377,7 @@ def unit(v: Vector, sqrt: Function, let: Let) -> Vector:
     return [let("e", x * inverse) for x in v]
 
 
-def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> Matrix:
+def frame_matrix(frame: Frame, evaluate: Evaluate, functions: Functions, let: Let) -> Matrix:
     """Rotation matrix of the frame: body from link components."""
     if frame.vector is None:
         return identity()
@@ -377,10 +386,21 @@ def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> 
         for i in (frame.index, (frame.index + 2) % 3):
             turned[i][i] = -1
         return turned
+    sqrt = functions["sqrt"]
     z = unit([evaluate(a) for a in frame.vector], sqrt, let)
-    x = unit(cross([int(i == frame.start) for i in range(3)], z), sqrt, let)
+    start = [int(i == frame.start) for i in range(3)] if frame.start is not None else _least_along(z, functions, let)
+    x = unit([let("across", e) for e in cross(start, z)], sqrt, let)
     y = [let("e", e) for e in cross(z, x)]
     return transpose([x, y, z])
+
+
+def _least_along(z: Vector, functions: Functions, let: Let) -> Vector:
+    """The base vector with the smallest component along z."""
+    a, b, c = (let("square", e * e) for e in z)
+    at_least = functions["at_least"]
+    first = let("first", at_least(b, a) * at_least(c, a))
+    second = let("second", (1 - first) * at_least(c, b))
+    return [first, second, let("third", 1 - first - second)]
 
 
 def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: Let) -> Matrix:
@@ -462,20 +482,3 @@ def rigid_inertia(
         mass = let("m", mass + m)
         moment = [let("h", e) for e in add(moment, h)]
     return mass, moment, inertia
-
-
-def _of_numbers(function: Callable[[float], float], long_function: Callable[[float], float]) -> Function:
-    def of(value: Value) -> float:
-        assert isinstance(value, (int, float, mpmath.mpf))
-        return long_function(value) if are_long() else function(value)
-
-    return of
-
-
-NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, name)) for name in ("sqrt", "cos", "sin")}
-"""Functions that compute constants from numbers."""
-
-
-def keep(name: str, value: Value) -> Value:
-    """A `let` for numbers: it returns the value itself, since numbers need no names."""
-    return value

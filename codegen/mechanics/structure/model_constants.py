@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -10,12 +11,13 @@ import mpmath
 from ...model.expressions import Expression
 from ...program import algebra
 from ...program.block import Expansion
+from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
 from ...program.shape import Constants, Shape
 from .constants import Leaf, Slots, Statements, make_shape
-from .links import NUMERIC, Evaluate, Functions, Let, NumberOf, keep
+from .links import Evaluate, Function, Functions, Let, NumberOf
 
 Written = Callable[[Evaluate, Functions, Let], dict[str, Value]]
 """Type of a function that computes constants from the values of expressions, which are numbers or symbols."""
@@ -89,3 +91,27 @@ class ModelConstants:
                 numeric[name] = float(v) if isinstance(v, int) else v
         self.found.append(Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, len(self.found)))
         return self.found[-1]
+
+
+def _of_numbers(name: str) -> Function:
+    def of(*values: Value) -> float:
+        assert all(isinstance(value, (int, float, mpmath.mpf)) for value in values)
+        found: float = getattr(mpmath if are_long() else math, name)(*values)
+        return found
+
+    return of
+
+
+def _at_least(*values: Value) -> int:
+    a, b = values
+    assert isinstance(a, (int, float, mpmath.mpf)) and isinstance(b, (int, float, mpmath.mpf))
+    return int(a >= b)
+
+
+NUMERIC: Functions = {"at_least": _at_least, **{name: _of_numbers(name) for name in ("sqrt", "cos", "sin")}}
+"""Functions that compute constants from numbers."""
+
+
+def keep(name: str, value: Value) -> Value:
+    """A `let` for numbers: it returns the value itself, since numbers need no names."""
+    return value
