@@ -270,7 +270,7 @@ def link_solution(x: Scope, kind: LinkKind) -> None:
 
 
 def link_virtual(x: Scope, kind: LinkKind) -> None:
-    """`link_solution` for e = 0."""
+    """Inward block of a link like `link_solution`, for e = 0: the loops' conditions have zero right sides."""
     _eliminate(x, kind, [*x.load(LME, fields.articulated_force)])
 
 
@@ -295,7 +295,7 @@ def ear_solution(x: Scope, kind: EarKind) -> None:
 
 
 def ear_virtual(x: Scope, kind: EarKind) -> None:
-    """`ear_solution` for e = 0."""
+    """Inward block of an ear like `ear_solution`, for e = 0: the loops' conditions have zero right sides."""
     _project(x, kind, None)
 
 

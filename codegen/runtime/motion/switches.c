@@ -16,7 +16,7 @@ static const scalar SAME = 1e-13, NEGLIGIBLE = 1e-6;
  * is constant, such as abs(x) - x where x > 0, counts as zero if it is smaller than the second number, a rounding error. */
 static const scalar AT_ZERO = 1e-13, ROUNDED = 1e-12;
 
-/* Part of the motion's duration after which a motion that begins at rest at a switch has left it. */
+/* Fraction of the motion's duration after which a motion that begins at rest at a switch has left it. */
 static const scalar MOMENT = 1e-8;
 
 /* Relative difference of a switching function's rates before and after a knot of the inputs below which they are the same. */

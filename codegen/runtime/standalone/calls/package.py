@@ -454,7 +454,7 @@ class Package:
 
 
 EQUILIBRIA = "equilibrium_hessian_products"
-"""The method that is composed of several functions, all of which a message names."""
+"""A method composed of several functions; the message that it is missing names all of them."""
 
 IN_DOUBLE_ONLY = ("simulate", "judge", "state_rates", "state_rate_sensitivities")
 """Methods available in double precision only."""

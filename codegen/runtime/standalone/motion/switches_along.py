@@ -21,7 +21,7 @@ SIGN, TURN = 0, 3
 """Kinds of switches, as in ``motion.h``."""
 
 AT_THE_SAME_TIME = 1e-9
-"""Part of a motion's duration within which a switch and an output count as simultaneous, as in the integrator."""
+"""Fraction of a motion's duration within which a switch and an output count as simultaneous, as in the integrator."""
 
 REFUSED = (
     "another switch determines the time at which {} changes its branch",

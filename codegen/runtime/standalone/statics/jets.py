@@ -63,7 +63,8 @@ def _wide(x: Any) -> Array:
 
 
 def _scaled(*terms: tuple[Any, Any]) -> Array:
-    """The sum of factors times slopes over terms that are jets."""
+    """The slope of a function: the sum of partial derivative times slope over the arguments that are jets. Each term is a
+    callable, which returns the partial derivative, and an argument."""
     # a zero slope contributes nothing, even if its factor is infinite
     parts = [np.where(x.slope != 0.0, _wide(factor()) * x.slope, 0.0) for factor, x in terms if isinstance(x, Jet)]
     return parts[0] if len(parts) == 1 else parts[0] + parts[1]
