@@ -127,7 +127,7 @@ AnyField = Readable[object]
 
 
 class Field(Readable[V], Generic[V]):
-    """A field that can be written, too."""
+    """A field that blocks can write as well as read."""
 
     @abstractmethod
     def parts(self, value: V) -> Iterator[tuple[str, Value]]:
