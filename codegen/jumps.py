@@ -112,7 +112,7 @@ def _constant_rate(s: Tree, known: Known, t: Array) -> float | None:
 
 
 def changes(f: Callable[[Array], Array], t: Array, most: int | None = None) -> Iterator[float]:
-    """Arguments at which a function changes its sign, or is zero at a point of t; at most `most` of each."""
+    """Elements of t where a function is zero, then arguments between them where it changes its sign; at most `most` of each."""
     of = f(t)
     sign = np.sign(of)
     yield from t[sign == 0.0][:most].tolist()

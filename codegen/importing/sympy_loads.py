@@ -96,7 +96,7 @@ def _load(found: SympySystem, name: str, load: Any) -> None:
 
 
 def _components(found: SympySystem, vector: Any, body: Frame) -> tuple[list[str], dict[str, str]]:
-    """Components in the ground's or the body's frame, whichever takes fewer operations."""
+    """Components of a vector, as text, in the ground's or the body's frame, whichever takes fewer operations."""
     import sympy
 
     ground = next(f for f in found.frames.values() if f.name == GROUND)
