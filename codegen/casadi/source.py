@@ -218,7 +218,7 @@ def _nothing(rows: int) -> list[int]:
 def _transposition(pattern: Pattern) -> list[int]:
     """Where each entry of a compressed Jacobian is in its compressed transpose."""
     number = np.full(pattern.shape, -1)
-    rows, columns = np.nonzero(pattern)  # row by row, as the transpose has them
+    rows, columns = np.nonzero(pattern)  # by rows, the order of entries in the compressed transpose
     number[rows, columns] = np.arange(len(rows))
     columns, rows = np.nonzero(pattern.T)
     return [int(x) for x in number[rows, columns]]

@@ -298,7 +298,7 @@ def _of_object(options: dict[str, Any], file: str, others: Sequence[str]) -> Opt
 
 
 def _check_loops(chosen: Options) -> None:
-    """Raises an error if a side file cannot be read to its end, such as a named pipe."""
+    """Raises an error if the file of loops is no regular file, but a named pipe, for example."""
     message = None if chosen.loops is None else no_regular_file(chosen.loops)
     if chosen.loops is not None and message is not None:
         said = f"cannot be read: {message}; give a YAML file with a section loops"

@@ -339,7 +339,10 @@ source_driving_gain = ScalarField(
     "inertia that couples a prescribed source and accelerations known before the region's own",
 )
 source_driving_rest = ScalarField(
-    "dr{}", "kg u^2/s^2", "", "force that a prescribed source requires if accelerations known before its region's are zero"
+    "dr{}",
+    "kg u^2/s^2",
+    "",
+    "force that a prescribed source requires if accelerations known before its region's are zero",
 )
 source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source requires")
 source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")

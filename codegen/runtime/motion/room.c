@@ -205,8 +205,8 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, scalar *room)
     /* rounding errors of closure conditions change dependents in proportion to the condition number, and rates in proportion to its square */
     const scalar rounding = fmax(1.0, s->nloops);
     m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    /* in long double, rates change with the cube of the condition number, because coordinates are rounded to double; 0.03/rtol: predictions
-     * distinguish branches only if these are farther apart */
+    /* in long double, errors of rates grow with the cube of the condition number, because coordinates are rounded to double; above
+     * 0.03/rtol, branches are too close to each other for predictions to distinguish them */
     const scalar by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
     /* long double does not help here: constants are rotated in double precision, so equal lengths differ by rounding */
