@@ -43,6 +43,12 @@ class Jump(NamedTuple):
     after: float
 
 
+def from_to(before: float, after: float) -> str:
+    """The text ``from A to B``, with enough digits to tell A from B."""
+    digits = next(d for d in (6, 9, 17) if f"{before:.{d}g}" != f"{after:.{d}g}")
+    return f"from {before:.{digits}g} to {after:.{digits}g}"
+
+
 def switched(tree: Tree) -> Iterator[tuple[Tree, Tree]]:
     """Nodes of a tree at which the function may not be smooth, with their switching functions; each node once, inner
     nodes first."""
@@ -251,4 +257,4 @@ def _function(name: str, of: list[Pair], taken: Callable[[Any], Any]) -> Pair:
     return x, TABLE[name].slopes[0](ON_ARRAYS, x, a) * da
 
 
-__all__ = ["Known", "Pair", "changes", "evaluated", "jumps", "switched", "zeros"]
+__all__ = ["Known", "Pair", "changes", "evaluated", "from_to", "jumps", "switched", "zeros"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.jumps import jumps
+from codegen.jumps import from_to, jumps
 from codegen.model import parse_model
 from codegen.model.binding import bind
 from codegen.model.errors import ModelError
@@ -78,6 +78,12 @@ def test_motion_whose_velocity_is_continuous_has_none(text: str) -> None:
 @pytest.mark.filterwarnings("error")
 def test_rates_that_are_infinite_beside_a_time_warn_of_nothing() -> None:
     find_kink(bound("sqrt((exp(-(t)**2))**2) + atan2(exp(-(t)**2), t)"), {}, frozenset())
+
+
+def test_a_jump_is_told_with_as_many_digits_as_it_needs() -> None:
+    assert from_to(1.0, 2.5) == "from 1 to 2.5"
+    assert from_to(1.0, 1.0 + 2e-7) == "from 1 to 1.0000002"
+    assert from_to(-0.0, 1e-30) == "from -0 to 1e-30"
 
 
 @pytest.mark.parametrize("w", [60.0, 6000.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from ...jumps import from_to
 from ..errors import count_of_values
 from ..expressions import Expression
 from ..kinks import Kink, find_kink
@@ -76,7 +77,7 @@ def _kinked(at: Instance, value: object, kink: Kink) -> str:
     elif called:
         advice = "its slope is not zero at that end, and it is constant beyond; give the table outside: linear"
     return (
-        f"{value}: the {what} of this motion jumps from {kink.before:.6g} to {kink.after:.6g} {where}{inside}; the impulse "
+        f"{value}: the {what} of this motion jumps {from_to(kink.before, kink.after)} {where}{inside}; the impulse "
         f"on other bodies would be lost; {advice}"
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ....jumps import Known, Pair, jumps, switched, zeros
+from ....jumps import Known, Pair, from_to, jumps, switched, zeros
 from ..arrays import Array
 from .inputs import Inputs
 
@@ -37,8 +37,8 @@ def first_kink(motion: Sequence[Mapping[str, Any]], known: Known, times: Array) 
         at = sorted({t for s in dict.fromkeys(s for _, s in switched(tree)) for t in zeros(s, known, times, times[-1])})
         for jump in jumps(tree, known, np.array(at))[:1] if at else ():
             message = (
-                f"the {('value', 'velocity')[jump.order]} of the prescribed motion of {one['name']!r} jumps from "
-                f"{jump.before:.6g} to {jump.after:.6g} there, at these parameters and inputs, and the impulse on other bodies "
+                f"the {('value', 'velocity')[jump.order]} of the prescribed motion of {one['name']!r} jumps "
+                f"{from_to(jump.before, jump.after)} there, at these parameters and inputs, and the impulse on other bodies "
                 f"would be ignored; use an expression with continuous velocity, such as step(t, from, to)"
             )
             found.append((at[jump.at], message))
