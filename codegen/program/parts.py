@@ -15,7 +15,7 @@ LONGEST = 3000
 compile time depends on operations, and a sum of forty products is one statement."""
 
 PART = 1000
-"""Approximate length of a part."""
+"""Approximate number of values that a part reads."""
 
 WINDOW = 200
 """A part may be longer or shorter by this much, so that fewer values have to be kept for later parts."""

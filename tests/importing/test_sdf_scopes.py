@@ -214,7 +214,7 @@ def test_a_model_of_a_further_world_is_chosen(tmp_path):
 
 
 def test_versions_that_are_not_known_are_a_warning(tmp_path):
-    for version, words in (("1.13", "'1.13'; versions up to 1.12 are known"), ("x", "'x'; read as 1.0, where axes")):
+    for version, words in (("1.13", "'1.13'; versions up to 1.12 are known"), ("x", "'x'; read as 1.0, in which axes")):
         assert words in imported(tmp_path, sdf(model(), version)).warnings[0]
     assert "is left out; read as 1.0" in imported(tmp_path, sdf(model()).replace(' version="1.11"', "")).warnings[0]
 
