@@ -54,6 +54,21 @@ def test_examples_agree_with_differences_in_40_digits(name: str, tmp_path: Path)
     agree(EXAMPLES / f"{name}.yaml", tmp_path, 1e-11)
 
 
+def test_forces_on_bodies_that_read_dependent_joints_agree(tmp_path: Path) -> None:
+    """Their change by dependent speeds and coordinates belongs to the change of the loop."""
+    text = (EXAMPLES / "four_bar.yaml").read_text(encoding="utf-8")
+    forces = """forces:
+  wind: {type: force, on: coupler, value: [-2*u.rocker, 0, q.rocker*u.crank]}
+  brake: {type: joint, joint: coupler, value: -0.3*u.rocker*q.coupler}
+"""
+    model = parse_model(text.replace("forces:\n", forces, 1))
+    agree(model, tmp_path / "all", 1e-11)
+    solvers = [made(model, tmp_path / target, target) for target in ("c", "numpy")]
+    state, weights = state_of(codegen.load(tmp_path / "all" / "package"))
+    c, in_numpy = (hessian(solver, state, weights) for solver in solvers)
+    assert np.abs(c - in_numpy).max() < 1e-13 * np.abs(c).max()
+
+
 @pytest.mark.parametrize(
     "rods", [tips_joined(3, base="free"), platform(2), rails(1)], ids=["tips", "platform", "rails"]
 )

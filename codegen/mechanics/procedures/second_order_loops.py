@@ -26,7 +26,7 @@ from ...program.procedure import (
     Zero,
     ZeroEntries,
 )
-from ..quantities import run
+from ..quantities import DRIVES, run
 from ..second_order import varying_of_ground
 from ..structure.kinds import EarKind
 from ..sweeps import OF_MASS, TOGETHER, adjoint_name, along_name, back_name, backward_in_loops, mass_name
@@ -75,7 +75,8 @@ class WithLoops:
         """
         self.w, self.formulas, self.bars, self.ends = w, formulas, bars, ends
         self.of, self.driving = of, driving
-        self.forces = (*w.forces, *(w.held if driving else ()))
+        # formulas that read coordinates or speeds: loops move dependent ones, so their gradients enter the multipliers
+        self.forces = (*w.forces, *(c for c in w.coefficients if c is DRIVES), *(w.held if driving else ()))
         quaternions = any(link.joint.quaternion is not None for link in w.system.links)
         self.sweeps = [
             *(["rotations"] if quaternions else []),
@@ -196,15 +197,14 @@ class WithLoops:
         return tuple(Copy(a, a.called(f"kept_{a.name}")) for a in self.propagated)
 
     def _formula_gradients(self) -> list[Step]:
-        """Adds the contributions of joint forces to the gradient."""
-        if not self.forces:
-            return []
-        into = {n: self.w.one(n).called(f"formula_g{n}") for n in self.w.state}
-        return [
-            *(step for a in into.values() for step in (Own(a), Zero(a))),
-            *transposed(self.w, self.forces, self.bars, tuple(into.values())),
-            *(Combine(a, (a, into[n])) for n, a in self.gradient.items()),
-        ]
+        """Adds the contributions of `forces` to the gradient; each has arrays of its own, as `transposed` may assign."""
+        found: list[Step] = []
+        for f in self.forces:
+            into = {n: self.w.one(n).called(f"{f.targets[0]}_g{n}") for n in self.w.state}
+            found += [step for a in into.values() for step in (Own(a), Zero(a))]
+            found += transposed(self.w, [f], self.bars, tuple(into.values()))
+            found += [Combine(a, (a, into[n])) for n, a in self.gradient.items()]
+        return found
 
     def _rest_of_gradient(self) -> list[Step]:
         """Adds the contributions of all other formulas and of gravity, if the function has the gradient as a result.
