@@ -143,7 +143,7 @@ model: sliders
 bodies:
   a: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
   b: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
-forces: {rope: {type: spring, from: a, to: b, stiffness: 3}}
+forces: {rope: {type: spring, from: a, to: b, stiffness: 3, free_length: 0.1}}
 outputs: {stored: potential_energy}
 """
     codegen.generate(parse_model(text), tmp_path / "m", target, functions=[function])

@@ -175,7 +175,8 @@ def in_squares(formula: Expression, less: int) -> Expression | None:
     square = Expression(("name", "square"))
     total = Expression.number(0)
     for n, factor in sorted(powers.items()):
-        total = total + factor * square ** ((n - less) // 2)
+        half = (n - less) // 2
+        total = total + (factor * square**half if half else factor)
     return total
 
 

@@ -250,20 +250,19 @@ static void look_for_jump(ordernm_motion *m, scalar h)
     if (some) note(m, ORDERNM_JUMPS, which);
 }
 
-/* Looks for singular points in the step. Marks directions as lost along which no derivative exists after such a point. Without directions,
- * records the first such point. */
+/* Looks for singular points in the step. Marks directions as lost along which no derivative exists after such a point, or for which this is
+ * unknown because rates near the point are not defined. Without directions, records the first such point. */
 static void look_at_points(ordernm_motion *m, const trial *step)
 {
     point at = {.which = -1};
     while (ordernm_next_point(m, step, &at)) {
         int some = !m->ngroups && !m->results->lost_count;
-        if (m->ngroups && ordernm_look_at_point(m, step->h, &at)) continue;
+        const int unknown = m->ngroups && ordernm_look_at_point(m, step->h, &at);
         for (int n = 0; n < m->ngroups; ++n)
             for (int l = 0; l < m->groups[n].used; ++l) {
                 if (m->lost[n*LANES + l] != 0.0 || !is_moved(m, n, l)) continue;
-                if (!ordernm_rates_are_rough(m, step->h, &at) && !ordernm_lost_at_point(m, step->h, &at, n, l)) continue;
-                lose(m, n, l);
-                some = 1;
+                if (unknown || ordernm_rates_are_rough(m, step->h, &at) || ordernm_lost_at_point(m, step->h, &at, n, l))
+                    lose(m, n, l), some = 1;
             }
         if (some) note(m, ORDERNM_PASSES, at.which);
     }
